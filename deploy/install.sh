@@ -115,7 +115,7 @@ ensure_package() {
   fi
 }
 
-# Put a file in its place if it differs; tells whether it did.
+# Put a file in its place if it differs; the status says whether it did.
 put() {
   local source="$1" target="$root$2"
   cmp -s "$source" "$target" && return 1

@@ -38,7 +38,7 @@ static inline uint8_t write_frame(const uint8_t *message, uint8_t size, uint8_t 
   return at;
 }
 
-/* What has come of a frame, unstuffed as it comes. */
+/* The received part of a frame, unstuffed byte by byte. */
 typedef struct {
   uint8_t body[LONGEST_BODY];
   uint8_t size, left, code, is_broken, bad;

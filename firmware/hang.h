@@ -1,7 +1,7 @@
 /* Whether the program hung and its watchdog reset it, also where a bootloader has taken MCUSR away.
  *
  * The one that a Mega is sold with clears MCUSR and waits a second after any reset, so that a reset
- * by the watchdog looks like the button's. Memory that nobody clears tells them apart: how long the
+ * by the watchdog looks like the button's. Memory that no start clears distinguishes them: how long the
  * main loop had been silent when the reset came. A timer's interrupt counts that, so a program that
  * hangs with its interrupts off is not found so.
  */

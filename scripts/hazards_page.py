@@ -39,7 +39,7 @@ REACTIONS: dict[Reaction, str] = {
     "slow": "slows down",
     "tool off": "tool off",
     "home": "turns home",
-    "tell": "is reported",
+    "report": "is reported",
 }
 FOR_HAND: dict[ForHand, str] = {"yes": "yes", "until cleared": "until it is cleared", "no": "no"}
 WHERE = """

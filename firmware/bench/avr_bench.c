@@ -386,7 +386,7 @@ void bench_reset(bench_t *bench) {
   after_reset(bench);
 }
 
-/* Run for so many cycles. Returns simavr's state, and ends early where the program did. */
+/* Run for `cycles` cycles. Returns simavr's state, and ends early where the program did. */
 int bench_run(bench_t *bench, uint64_t cycles) {
   avr_t *avr = bench->avr;
   avr_cycle_count_t end = avr->cycle + cycles;

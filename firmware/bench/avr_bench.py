@@ -204,7 +204,7 @@ class AvrBench:
     def set_mag(self, field_t: Vec3, adjustment: tuple[int, int, int] = (128, 128, 128)) -> None:
         """Let the magnetometer measure this, in the axes of the MPU.
 
-        `adjustment` is what its fuse ROM says of its sensitivity, in its own axes; 128 is none.
+        `adjustment` is the sensitivity in its fuse ROM, in its own axes; 128 means no correction.
         """
         x, y, z = _count("mag_t", field_t)
         own = (y, x, -z)
@@ -229,9 +229,9 @@ class AvrBench:
         self._library.bench_reset(self._bench)
 
     def hold_sda(self, clocks: int) -> None:
-        """Let the IMU hold the data line of the I2C bus low, until so many edges of its clock.
+        """Let the IMU hold the data line of the I2C bus low for `clocks` edges of its clock.
 
-        So is a chip that was cut off in the middle of a byte.
+        So does a chip that was cut off in the middle of a byte.
         """
         self._library.bench_hold_sda(self._bench, clocks)
 

@@ -33,7 +33,7 @@ KINDS = ("motor", "imu")
 class BoardOnLine:
     """Runs a board in a thread of its own, between `with` and its end; `path` is the line.
 
-    Whoever opens the line resets the board, as that of a Mega does. A `pace` below one lets its
+    A program that opens the line resets the board, as on a Mega. A `pace` below one lets its
     time pass slower than ours; `lag_s` of its time is what it has been late at most.
     """
 
@@ -108,8 +108,8 @@ class BoardOnLine:
         self._is_open = is_open
 
     def _exchange(self) -> None:
-        """Hand on the bytes of both ends; where nobody reads, the board's are lost."""
-        with contextlib.suppress(OSError):  # nothing came, or nobody has the line open
+        """Hand on the bytes of both ends; without a reader, the board's are lost."""
+        with contextlib.suppress(OSError):  # nothing came, or no program has the line open
             self.bench.send(os.read(self._ours, READ_BYTES))
         said = self.bench.receive()
         with contextlib.suppress(OSError):

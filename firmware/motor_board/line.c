@@ -16,7 +16,7 @@ static receiver_t receiver;
 
 ISR(USART0_RX_vect) {
   uint8_t byte = UDR0, next = (in_head + 1) & (IN_SIZE - 1);
-  if (next == in_tail) return; /* the CRC will tell */
+  if (next == in_tail) return; /* the CRC finds the loss */
   in[in_head] = byte;
   in_head = next;
 }

@@ -8,16 +8,16 @@
 #include "clock.h"
 #include "outputs.h"
 
-#define SETTLE_MS 2          /* an input counts that has been so for so long */
-#define TIMEOUT_MARGIN_MS 10 /* for what passes between the line and the clock */
+#define SETTLE_MS 2          /* time that an input must keep its value to count */
+#define TIMEOUT_MARGIN_MS 10 /* delay between the line and the clock */
 #define LOW_FOR_TICKS 100
 #define OVER_FOR_TICKS 10
 #define STALL_FOR_TICKS 50
-#define STALL_DUTY (FULL_DUTY / 2) /* a wheel should turn with so much */
+#define STALL_DUTY (FULL_DUTY / 2) /* duty at which a wheel must turn */
 #define STALL_SHARE 50             /* of full speed, that it turns at least */
 /* A wheel whose encoder or motor is wired the wrong way round is driven off by its own controller:
- * its speed grows against the duty, by this share of full speed within so many ticks. Who pushes it,
- * or a slope, works against a motor that brakes, and is slower; a wheel that changes its direction
+ * its speed grows against the duty, by this share of full speed within this many ticks. A person
+ * who pushes it, or a slope, works against a motor that brakes, and is slower; a wheel that changes its direction
  * loses the speed that is against its duty. */
 #define REVERSED_SHARE 16
 #define REVERSED_WITHIN_TICKS 20
@@ -131,7 +131,7 @@ void watch_power(const board_config_t *config) {
   ADCSRA |= _BV(ADSC); /* the next round */
 }
 
-/* Whether the speed against the duty has grown so much, without a pause. */
+/* Whether the speed against the duty has grown by this share without a pause. */
 static uint8_t grows_against(uint8_t wheel, int16_t duty, int16_t speed_countps, uint16_t full) {
   int16_t *past = against[wheel];
   uint8_t at = against_at[wheel], ticks = against_ticks[wheel];

@@ -16,7 +16,7 @@ void note_config(void);
 /* Latch the stop, for one more cause. */
 void latch_stop(uint8_t cause);
 
-/* Clear the latch as the host asks. Returns the result that the answer tells. */
+/* Clear the latch as the host asks. Returns the result that the answer carries. */
 uint8_t clear_latch(uint16_t key);
 
 /* Whether motors and tool may work now. Call with interrupts off where outputs follow. */
@@ -27,7 +27,7 @@ uint8_t may_work(void);
 void watch_power(const board_config_t *config);
 void watch_wheel(uint8_t wheel, int16_t duty, int16_t speed_countps, uint16_t full_speed_countps);
 
-/* Tell what belongs to the safety in a state. */
+/* Write the safety part of a state. */
 void tell_safety(board_state_t *state);
 
 #endif

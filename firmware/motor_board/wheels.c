@@ -55,7 +55,7 @@ static int32_t as_share(int32_t countps) {
 }
 
 /* The voltage of the wanted speed, an integral of the error, and against them a share of the speed
- * itself, of which the wanted speed gives back only a part: so a step overshoots little, whatever
+ * itself. The wanted speed gives back only a part of it: so a step overshoots little, whatever
  * the inertia of the wheel. While the duty is at its limit the integral does not push on.
  * Source: K. J. Astrom and T. Hagglund, Advanced PID Control (2006), 3.4 (setpoint weight), 3.5. */
 static int16_t control(uint8_t k, int16_t speed) {

@@ -13,7 +13,7 @@ const board_config_t *get_config(void);
 
 void set_speeds(const int16_t speed_countps[WHEELS]);
 
-/* Once a tick: count, control, and tell it in the state. */
+/* Once a tick: count, control, and write both into the state. */
 void run_wheels(board_state_t *state);
 
 #endif

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from agribot.ui import panels
     from agribot.ui.robot_side.operator_page import OperatorPage
 
-# Where each name lives; a module stands for itself.
+# Modules of the names; a module stands for itself.
 _HOMES = {
     "AgribotError": "agribot.core.errors",
     "Correction": "agribot.autonomy.estimate.correction",

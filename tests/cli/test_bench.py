@@ -20,7 +20,7 @@ def last_line(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("perception --networks nobody", "--networks nobody: not known; there are"),
+        ("perception --networks unknown", "--networks unknown: not known; there are"),
         ("perception --size 100x64", "32"),
         ("perception --frames 0", "--frames 0"),
         ("sim --only speed", "--only speed: not known; there are"),

@@ -116,7 +116,7 @@ def test_two_megas_and_a_receiver_are_told_apart_and_make_a_robot(desk: Desk) ->
 def test_the_command_is_one_that_there_is(desk: Desk) -> None:
     plug_camera(desk.root, "video0", "HD Camera")
     probe = desk.probe(gpsd=GpsdState(release="3.22", paths=("/dev/ttyACM9",)))
-    taken = CameraAnswer(width_px=640, height_px=480, told_hz=30.0, rate_hz=15.0)
+    taken = CameraAnswer(width_px=640, height_px=480, stated_hz=30.0, rate_hz=15.0)
     (finding,) = probe.check_cameras(lambda path: taken)
     assert "640 x 480 px, 15.0 Hz measured, 30 by its driver" in finding.detail
     command, lacks = probe.write_command()
@@ -220,7 +220,7 @@ def test_pictures_are_taken_by_opencv(tmp_path: Path) -> None:
         writer.write(np.full((48, 64, 3), 20 * k, np.uint8))
     writer.release()
     answer = probe_camera(path)
-    assert (answer.width_px, answer.height_px, answer.told_hz) == (64, 48, 20.0)
+    assert (answer.width_px, answer.height_px, answer.stated_hz) == (64, 48, 20.0)
     assert answer.rate_hz > 0.0
     with pytest.raises(OSError, match="no picture"):
         probe_camera(str(tmp_path / "absent.avi"))

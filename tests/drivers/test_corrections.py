@@ -77,13 +77,13 @@ class Rover:
         timing: CorrectionTiming = PATIENT,
     ) -> Iterator[CorrectionLink]:  # fmt: skip
         caster = ntrip.Caster("127.0.0.1", port, mount)
-        link = CorrectionLink(caster, login, self.write, lambda: self.fix, self.tell, timing)
+        link = CorrectionLink(caster, login, self.write, lambda: self.fix, self.notify, timing)
         try:
             yield link
         finally:
             link.close()
 
-    def tell(self, fact: AnyFact) -> None:
+    def notify(self, fact: AnyFact) -> None:
         self.told.append(render(fact))
 
     def wait_for(self, data: bytes) -> None:
@@ -357,7 +357,7 @@ def test_a_base_is_believed_while_the_receiver_does_not_know_where_it_is() -> No
 def test_a_host_that_can_be_none_is_told_and_asked_for_again() -> None:
     rover = Rover()
     caster = ntrip.Caster("caster..example", 2101, "FARM")
-    link = CorrectionLink(caster, None, rover.write, lambda: None, rover.tell, PATIENT)
+    link = CorrectionLink(caster, None, rover.write, lambda: None, rover.notify, PATIENT)
     try:
         rover.wait_told("'caster..example' can be no host's name")
     finally:

@@ -45,7 +45,7 @@ def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
     assert report.mission.rows_done is not None and report.mission.rows_done < 6
     assert report.weeds.precision is None  # no camera: not applicable, not zero
     assert "off the row" in report.reason
-    assert "nobody resumed the mission for 5 s" in report.reason
+    assert "no operator resumed the mission for 5 s" in report.reason
     assert report.tracking.plants_crushed == 0
 
 

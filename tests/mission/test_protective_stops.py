@@ -157,7 +157,7 @@ def test_steering_the_wrong_way_round_is_told_within_a_second(tmp_path: Path) ->
     with opened(tmp_path) as session:
         misdrive(session, board(1.0, -1.0))
         record = stopped(session, session.ticks())
-    assert "turns the other way than told" in record.reason
+    assert "turns the other way than commanded" in record.reason
     assert record.batch.t_s - FROM_S < 1.0
 
 
@@ -308,7 +308,7 @@ def test_a_run_that_nobody_attends_ends_when_its_stop_is_not_cleared(tmp_path: P
         report = session.finish()
     assert not report.ok
     assert "bumper" in report.reason
-    assert "nobody cleared the stop for 3 s" in report.reason
+    assert "no operator cleared the stop for 3 s" in report.reason
     assert any("bumper" in stop.reason for stop in report.safety.stops)
     assert read_mission(tmp_path).stopped.startswith("the bumper")
 

@@ -173,7 +173,7 @@ def test_a_result_that_is_asked_for_early_comes_with_the_end_and_cancel_stops(
     assert [goal.goal_id.uuid[0] for goal in answer.goals_canceling] == [2]
     assert client.result(2).status == CANCELED
     assert client.cancel(2).return_code == 3  # it is over
-    assert client.cancel(77).return_code == 2  # nobody knows it
+    assert client.cancel(77).return_code == 2  # an unknown goal
     wait_for(lambda: abs(client.session.simulator.truth().v_mps) < 0.01, "the robot to stand")
 
 
@@ -185,7 +185,7 @@ def test_a_new_goal_takes_the_place_of_the_one_before(client: Client) -> None:
     replaced = client.result(3)
     assert replaced.status == ABORTED
     assert "took its place" in replaced.result.error_msg
-    assert client.result(99).status == 0  # nobody knows it
+    assert client.result(99).status == 0  # an unknown goal
 
 
 def test_a_goal_across_the_crop_is_refused_by_the_planner_with_its_words(client: Client) -> None:

@@ -183,7 +183,7 @@ def test_a_grid_hears_of_its_updates(feeds: TopicFeeds, network: Network, clock:
 def test_nobody_to_publish_and_no_network_are_named_and_tried_again(
     feeds: TopicFeeds, network: Network, clock: Clock
 ) -> None:
-    assert feeds.read("/later", 0).note == "nobody publishes /later now"
+    assert feeds.read("/later", 0).note == "no node publishes /later now"
     network.types["/later"] = "std_msgs/msg/String"
     clock.now_s += 5.0
     feeds.read("/later", 0)

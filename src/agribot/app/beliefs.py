@@ -19,7 +19,7 @@ from agribot.record.report import (
     WeedReport,
 )
 
-LONGEST_TICK_S = 0.5  # what passes between two ticks that are farther apart is not believed in
+LONGEST_TICK_S = 0.5  # longest gap between two ticks that a belief outlasts
 
 
 class BeliefSums(msgspec.Struct, kw_only=True):
@@ -49,7 +49,7 @@ class BeliefSums(msgspec.Struct, kw_only=True):
 
 
 class ReportParts(msgspec.Struct, frozen=True, kw_only=True):
-    """What is compared: the rows that the robot calls done, and the parts of the report."""
+    """The compared values: the rows that the robot calls done, and the parts of the report."""
 
     rows_done: int
     worked_ratio: float | None
@@ -99,8 +99,8 @@ def compute_worked_ratio(results: Sequence[RowResult], rows: Sequence[Row]) -> f
 
 
 def _row(what: str, unit: str, believed: float | None, known: float | None) -> BeliefReport:
-    told, true = (None if value is None else float(value) for value in (believed, known))
-    return BeliefReport(what=what, unit=unit, believed=told, known=true)
+    stated, true = (None if value is None else float(value) for value in (believed, known))
+    return BeliefReport(what=what, unit=unit, believed=stated, known=true)
 
 
 def _root(total: float, count: int) -> float | None:

@@ -1,4 +1,4 @@
-"""Where magnetic North is, by the World Magnetic Model of the place and the day."""
+"""Direction of magnetic North, by the World Magnetic Model of the place and the day."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
 
 PACKAGE = "pygeomag"
-MOST_OFF_DEG = 3.0  # of a value that was typed, from the model's
+MOST_OFF_DEG = 3.0  # largest difference of a typed value from the model's
 # Horizontal field of the model's blackout zones round the magnetic poles, T.
 LEAST_HORIZONTAL_T = 2e-6
 T_PER_NT = 1e-9
 
 
 class MagneticNorth(NamedTuple):
-    """What the model says of a place: East positive, 1 sigma, and the level part of the field.
+    """The model's values at a place: East positive, 1 sigma, and the level part of the field.
 
     `on` is the day that it was computed for, `asked` the one it was wanted for, which may lie
     outside the years of the model; `until_year` is where these end.

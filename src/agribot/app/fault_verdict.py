@@ -77,8 +77,8 @@ def _judge(
     signs: list[tuple[Event, Reaction]] = []
     for event in after:
         reaction = _read_reaction(event)
-        is_telling = reaction in ("stopped", "held") or event.kind == "mission"
-        is_new = is_telling and _name_kind(event) not in known
+        is_reaction = reaction in ("stopped", "held") or event.kind == "mission"
+        is_new = is_reaction and _name_kind(event) not in known
         is_anothers = any(_mentions(other, event) for other in others)
         if reaction != "none" and (_mentions(fault, event) or (is_new and not is_anothers)):
             signs.append((event, reaction))
@@ -86,17 +86,17 @@ def _judge(
         return FaultReport(name=fault.name, t_s=fault.begin_s, fault=fault.text)
     is_named = any(_names(fault, others, event) for event, _ in signs)
     mentioning = [sign for sign in signs if _mentions(fault, sign[0])]
-    telling, _ = min(mentioning or signs, key=lambda sign: _STRENGTH.index(sign[1]))
+    strongest, _ = min(mentioning or signs, key=lambda sign: _STRENGTH.index(sign[1]))
     return FaultReport(
         name=fault.name,
         t_s=fault.begin_s,
         # The robot's own clock may have been stepped; what passed on it is right.
         detected_s=fault.begin_s + max(signs[0][0].t_s - begin.t_s, 0.0),
         reaction=min((reaction for _, reaction in signs), key=_STRENGTH.index),
-        reason=telling.reason,
-        code=telling.code,
-        parts=telling.parts,
-        numbers=telling.numbers,
+        reason=strongest.reason,
+        code=strongest.code,
+        parts=strongest.parts,
+        numbers=strongest.numbers,
         fault=fault.text,
         is_named=is_named,
         is_one_of_two=bool(mentioning) and not is_named,

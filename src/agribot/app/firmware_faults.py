@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 ROUNDING_S = 1e-9
 
-# What is done to samples on the simulator's own board, and here to what makes them.
+# Faults of samples on the simulator's own board, and here of the parts that make them.
 BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late",
                      "imu.unplugged", "button.pressed", "board.hung", "inputs.silent")  # fmt: skip
 EMPTY = "battery.empty"
 EMPTYING_VPS = 0.03  # an empty pack that still feeds falls on, until the board lets go
-FRAMES = 2  # that the board sends in a hundredth of a second
+FRAMES = 2  # frames that the board sends in a hundredth of a second
 
 
 class LineNoise:
@@ -120,7 +120,7 @@ class BoardFaults:
 
     @property
     def runaway_radps(self) -> float | None:
-        """How fast broken output stages let the motors run, None where they obey."""
+        """Speed that broken output stages let the motors reach, None where they obey."""
         is_on = any(fault.name == "motor.runaway" for fault in self._on())
         return self._runaway_radps if is_on else None
 

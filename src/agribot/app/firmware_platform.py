@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from agribot.core.world import WorldSpec
     from agribot.sim.platform import SimPlatform
 
-BOARD_HZ = 100.0  # so often contacts, voltages and IMU change, and bytes are handed on
-BOOT_S = 2.0  # by then a board has spoken
-MAG_SETTLES_S = 0.1  # from the world's first field at the chip to the first frame that has it
+BOARD_HZ = 100.0  # rate at which contacts, voltages and IMU change, and bytes are handed on
+BOOT_S = 2.0  # time by which a board has spoken
+MAG_SETTLES_S = 0.1  # time from the world's first field at the chip to the first frame that has it
 COUNTS_PER_TURN = 2048.0
 SUPPLY_V = 24.0
-MOST_SENSED_A = 24.0  # what the board's current sensors resolve
-PACK_FULL_V = 25.2  # of the simulator: six lithium-ion cells
+MOST_SENSED_A = 24.0  # range of the board's current sensors
+PACK_FULL_V = 25.2  # full pack of the simulator: six lithium-ion cells
 OPTIONS = (
     ("counts_per_turn", f"{COUNTS_PER_TURN:g}"), ("full_speed_radps", "80"),
     ("battery_empty_v", "18"), ("battery_full_v", f"{PACK_FULL_V:g}"),

@@ -13,7 +13,7 @@ from agribot.drivers.ubx_writer import FRAMES_OF_FIX, write_fix, write_heading
 
 
 class FirmwareReceiver:
-    """What the simulator's receiver measures becomes bytes, and what the decoder makes of them."""
+    """Encode the simulated receiver's measurements as bytes and decode them again."""
 
     def __init__(self, latency_s: float, noise: LineNoise, now_s: Callable[[], float]) -> None:
         """`latency_s` is the simulated receiver's own, from epoch to arrival."""

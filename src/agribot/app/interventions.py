@@ -10,9 +10,10 @@ from agribot.record.events import Event
 from agribot.record.report import SafetyEvent
 
 NEEDY_STATES = ("paused", "failed")
-# Without a state the mission refused something; one that waits for its position has just begun.
+# States of a mission that is not heard: without a state it refused something; one that waits for
+# its position has just begun.
 SILENT_STATES = (None, "waiting")
-BY_HAND_S = 1.0  # what follows so soon on somebody's button is what that person wanted
+BY_HAND_S = 1.0  # time after an operator's button within which an event is that operator's wish
 
 
 def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:

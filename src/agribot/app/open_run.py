@@ -58,7 +58,7 @@ def open_run(
         run = Run(setup, platform, stack)
         run.add_close(lock.close)
         if memory is not None:
-            memory.on_failure = run.tell
+            memory.on_failure = run.report_problem
             run.add_tap(memory)
             run.add_close(memory.close)
         opened.pop_all()

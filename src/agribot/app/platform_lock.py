@@ -27,7 +27,7 @@ class PlatformLock:
             lock = open_locked(self._path)
         except OSError as error:
             raise PlatformError(
-                f"cannot make sure that nobody else drives platform = '{platform}': "
+                f"cannot make sure that no other program drives platform = '{platform}': "
                 f"{self._path}: {error.strerror or error}; look who owns that file"
             ) from error
         if lock is None:

@@ -52,7 +52,7 @@ Kind = TypeVar("Kind", bound=msgspec.Struct)
 
 
 class EndedRun(Protocol):
-    """What the report needs of a run that has come to its end."""
+    """The parts of a finished run that the report needs."""
 
     config: RunConfig
     robot: RobotSpec
@@ -92,7 +92,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         tracking = msgspec.convert(msgspec.to_builtins(judge.score_tracking()), TrackingReport)
     found = _found_rows(drive)
     ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
-    ok = ok and not _tell_missed(found)
+    ok = ok and not _name_missed(found)
     report = Report(
         profile=config.profile,
         seed=config.seed,
@@ -103,7 +103,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
             why_ended
             or _reason(status, mission, tracking)
             + _objection(drive.event_log, status)
-            + _tell_missed(found)
+            + _name_missed(found)
         )
         + _lacking(job),
         time=_time(job),
@@ -157,7 +157,7 @@ def _found_rows(drive: EndedRun) -> FoundRowsReport | None:
     return msgspec.structs.replace(found, found=len(driven), file=file)
 
 
-def _tell_missed(found: FoundRowsReport | None) -> str:
+def _name_missed(found: FoundRowsReport | None) -> str:
     """Name the rows that were not found, or found where no row stands; empty if all is well."""
     if found is None or found.matched is None or found.true is None:
         return ""

@@ -42,7 +42,7 @@ from agribot.record.replay import (
     recorded_scenes,
 )
 
-LATEST_FIRST_TICK_S = 1.0  # of a recording that began with its run
+LATEST_FIRST_TICK_S = 1.0  # first tick of a recording that began with its run
 # Settings of these groups shaped the recording itself.
 _FIXED = ("perception", "sim", "record", "platform", "world", "robot", "seed", "tick_hz")
 

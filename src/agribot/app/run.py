@@ -101,7 +101,7 @@ class Run:
         self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
 
     def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
-        """Or none of them: the folder is as it was before, and can be tried again."""
+        """Open all files or none: then the folder is as it was before, and can be tried again."""
         self._files = ExitStack()
         try:
             self._open_files(recorded, new_plan)
@@ -118,13 +118,13 @@ class Run:
         self.event_log = EventLog(out_dir / "events.jsonl", self._say)
         self._files.callback(self.event_log.close)
         self._series = SeriesTap()
-        self._tell_disk = partial(self.tell, parts=("disk",))
-        self.recording = RunRecording(self, recorded, self._tell_disk)
+        self._report_disk = partial(self.report_problem, parts=("disk",))
+        self.recording = RunRecording(self, recorded, self._report_disk)
         self._files.callback(self.recording.close)
-        self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell_disk)
+        self._mission_file = MissionFile(out_dir, self.stack.mission, self._report_disk)
         self._files.callback(self._mission_file.close)
         self.stack.taps += [*self._first_taps, self._series, self.event_log]
-        self._job_file = MissionFile(out_dir, self.job, self._tell_disk, whole_job.FILE_NAME)
+        self._job_file = MissionFile(out_dir, self.job, self._report_disk, whole_job.FILE_NAME)
         self._files.callback(self._job_file.close)
         self.unattended = Unattended(self.config.mission.stall_timeout_s)
         self.stack.taps += [self._mission_file, self.job, self._job_file]
@@ -152,7 +152,7 @@ class Run:
 
     @property
     def inbox(self) -> Inbox:
-        """What people and programs ask of the robot; anybody may post, from any thread."""
+        """Requests of people and programs to the robot; any thread may post."""
         return self.platform.inbox
 
     @property
@@ -167,12 +167,12 @@ class Run:
 
     @property
     def conditions(self) -> dict[str, Any] | None:
-        """What was drawn of the simulated world, for the report; None of a real one."""
+        """Values drawn for the simulated world, for the report; None of a real one."""
         return None
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is odd about the robot or earlier runs, but does not keep it from driving."""
+        """Oddities of the robot or earlier runs that do not keep it from driving."""
         lost = (f"of the job's earlier runs is lost: {what}" for what in self.job.lacks)
         most_mps = find_most_mps(self.config.safety, self.robot.drive)
         speeds = warn_of_speeds(self.config.mission, most_mps)
@@ -190,17 +190,17 @@ class Run:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Of the task: crop rows, or the swaths of a field plan."""
+        """Rows of the task: crop rows, or the swaths of a field plan."""
         return tuple(self.task.rows)
 
     @property
     def row_results(self) -> tuple[RowResult, ...]:
-        """Of the rows, as the robot believes they went."""
+        """Results of the rows, by the robot's own account."""
         return self.stack.mission.row_results
 
     @property
     def goals_map_m(self) -> tuple[MapPoint, ...]:
-        """Of the task: the waypoints, none where it is rows."""
+        """Waypoints of the task; none for a task of rows."""
         return tuple(self.task.waypoints)
 
     @property
@@ -292,7 +292,7 @@ class Run:
         try:
             write_run_files(self.out_dir, report, data, may_draw)
         except RecordingError as error:
-            self.tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
+            self.report_problem(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
         if left_out := explain_absence() or (HURRIED if may_draw and not may_draw() else ""):
             self._say(left_out)
@@ -349,7 +349,7 @@ class Run:
     def _write_config(self) -> None:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
-    def tell(self, t_s: float, text: str, parts: tuple[Part, ...] = ()) -> None:
+    def report_problem(self, t_s: float, text: str, parts: tuple[Part, ...] = ()) -> None:
         """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text, parts=parts))
@@ -374,7 +374,7 @@ class Run:
             write_file(path, task.text.encode())
             self._write_config()
         except RecordingError as error:
-            self.tell(record.batch.t_s, str(error))
+            self.report_problem(record.batch.t_s, str(error))
 
     def _data(self) -> RunData:
         series = self.job.series(self._series.series())

@@ -1,4 +1,4 @@
-"""What a run costs."""
+"""Costs of a run."""
 
 from __future__ import annotations
 

@@ -8,11 +8,11 @@ from typing import Any, BinaryIO
 
 from agribot.core.errors import RecordingError
 
-# Any of them makes a folder that of a run.
+# Files that make a folder that of a run.
 RUN_FILES = (
     "run.mcap", "events.jsonl", "mission.json", "job.json", "report.json", "config.toml",
 )  # fmt: skip
-# What a run writes besides; a person may have files of these names, too.
+# Further files of a run; a person may have files of these names, too.
 MADE_FILES = ("plan.geojson", "field.geojson", "weeds.geojson", "map.png", "report.html")
 LOCK_NAME = "run.lock"
 

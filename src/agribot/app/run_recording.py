@@ -22,7 +22,7 @@ PLAN_ATTACHMENT = "plan.geojson"
 PRESCRIPTION_ATTACHMENT = "prescription"
 PLANTS_ATTACHMENT = "crop plants"
 SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
-EARLIER_ATTACHMENT = "earlier_plants.json"  # of the weed map that a run took over
+EARLIER_ATTACHMENT = "earlier_plants.json"  # the weed map that a run took over
 TRUTH_PERIOD_S = 0.1
 ENDED = ("done", "cancelled", "failed")  # states of a mission
 Pose = tuple[float, float, float]
@@ -92,7 +92,7 @@ class RunRecording:
             self._follow_path(record.batch.t_s, self._recorder)
             self._recorder(record)
             self._now_s = record.batch.t_s
-            self._tell_its_end(self._recorder)
+            self._report_end(self._recorder)
         ended = self._has_ended
         self._has_ended = record.status.state in ENDED
         is_over = self._is_of_mission and self._has_ended and not ended
@@ -128,10 +128,10 @@ class RunRecording:
         """Safe to call twice."""
         if self._recorder is not None:
             self._recorder.close()
-            self._tell_its_end(self._recorder)
+            self._report_end(self._recorder)
         self._recorder, self._is_of_mission = None, False
 
-    def _tell_its_end(self, recorder: RunRecorder) -> None:
+    def _report_end(self, recorder: RunRecorder) -> None:
         if recorder.ended_because and not self._ended_because:
             self._ended_because = recorder.ended_because
             self._say(

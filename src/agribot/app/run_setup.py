@@ -53,8 +53,8 @@ class RunSetup(NamedTuple):
     earlier: JobSoFar
     prescription: bytes
     plants: bytes
-    notes: tuple[str, ...] = ()  # where settings come from that the user did not give
-    warnings: tuple[str, ...] = ()  # what is odd about the settings
+    notes: tuple[str, ...] = ()  # sources of settings that the user did not give
+    warnings: tuple[str, ...] = ()  # doubtful settings
 
     def build_stack(self) -> Stack:
         """Build the stack.

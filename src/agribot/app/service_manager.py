@@ -18,9 +18,9 @@ from agribot.core.messages import MissionStatus, TickRecord
 if TYPE_CHECKING:
     from agribot.app.run import Run
 
-SIGNS_OF_LIFE = 4  # in the time after which systemd ends a silent service
+SIGNS_OF_LIFE = 4  # signs in the time after which systemd ends a silent service
 STATUS_PERIOD_S = 1.0
-QUIET_LIMIT_S = 300.0  # for figures and files of a long run, on a slow card
+QUIET_LIMIT_S = 300.0  # time for figures and files of a long run, on a slow card
 
 
 class ServiceManager:
@@ -65,7 +65,7 @@ class ServiceManager:
             self._say("WATCHDOG=1")
         if now_s - self._status_s >= STATUS_PERIOD_S:
             self._status_s = now_s
-            self._tell_status(record.status)
+            self._send_status(record.status)
 
     @contextlib.contextmanager
     def allow_quiet(self) -> Iterator[None]:
@@ -76,7 +76,7 @@ class ServiceManager:
         if self._limit_s:
             self._say("WATCHDOG=1", f"WATCHDOG_USEC={self._limit_s * 1e6:.0f}")
 
-    def _tell_status(self, status: MissionStatus) -> None:
+    def _send_status(self, status: MissionStatus) -> None:
         text = f"{status.state}, {status.leg}" if status.leg else str(status.state)
         why = status.stopped or status.held
         text = " ".join((f"{text}: {why}" if why else text).split())

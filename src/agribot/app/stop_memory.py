@@ -56,7 +56,7 @@ class StopMemory:
         self.path = find_home() / FOLDER / f"{digest}.json"
         self._platform, self._run = platform, run
         self._stopped: Fact | None = None
-        self._failure = self._told = ""
+        self._failure = self._reported = ""
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="stop-memory")
 
     def read(self) -> RememberedStop | None:
@@ -109,8 +109,8 @@ class StopMemory:
         if stopped != self._stopped:
             self._stopped = stopped
             self._writer.submit(self._keep, stopped)
-        if self._failure != self._told and self.on_failure is not None:
-            self._told = self._failure
+        if self._failure != self._reported and self.on_failure is not None:
+            self._reported = self._failure
             self.on_failure(record.batch.t_s, self._failure)
 
     def close(self) -> None:

@@ -42,7 +42,7 @@ def choose_task(
 
 
 class TasksUnderWay:
-    """What may take the place of a task: a field plan, or places among the same crop rows."""
+    """Tasks that may replace the running one: a field plan, or places among the same crop rows."""
 
     checking_s = CHECKING_S
 

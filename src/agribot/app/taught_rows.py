@@ -18,8 +18,8 @@ from agribot.core.geo import Datum, MapFrame, make_datum
 from agribot.core.messages import FloatArray, MarkMoment
 from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 
-STEP_M = 0.05  # between points of a track; a robot that stands adds none
-# What bends more, over this way, is a turn and not a row; nor is a shorter stretch a row.
+STEP_M = 0.05  # distance between points of a track; a robot that stands adds none
+# Limits of a row: a larger bend over this way is a turn, and a shorter stretch is no row.
 TURN_RADPM, BEND_OVER_M, SHORTEST_M = 0.25, 1.0, 2.0
 # Nothing drives faster that teaches rows: between two fixes one of them is wrong. Stamps that do
 # not go on are taken for as far apart as those of a quick receiver.
@@ -27,7 +27,7 @@ MOST_MPS, LEAST_STEP_S = 15.0, 0.1
 
 
 class DrivenTrack(NamedTuple):
-    """Where a robot drove: t_s, x and y (m, map) and 1 sigma of its place, (N, 4).
+    """Track of a robot: t_s, x and y (m, map) and 1 sigma of its place, (N, 4).
 
     `marks_s` are when its driver marked the beginnings and the ends of rows. `unsure_m` is how far
     from an edge the fence would have kept the robot; nothing, where only its fixes are known.
@@ -162,7 +162,7 @@ def _read_run(path: Path) -> DrivenTrack:
         marks = [e for e in record.batch.requests if isinstance(e.request, MarkMoment)]
         marks_s += [record.batch.t_s] * len(marks)
         if here.ok and _has_moved(points, here.x_map_m, here.y_map_m):
-            if points:  # where it stood before it drove, it may not have known its place yet
+            if points:  # a robot may not have known its place before it drove
                 unsure_m = max(
                     unsure_m, measure_growth_m(here.pos_std_m, here.quality, config.safety)
                 )

@@ -12,7 +12,7 @@ from agribot.record.events import Event
 if TYPE_CHECKING:
     from agribot.sim.platform import SimPlatform
 
-LET_GO_S = 2.0  # without contact, before the same thing counts as touched anew
+LET_GO_S = 2.0  # time without contact, before the same thing counts as touched anew
 
 
 class TruthLog:
@@ -24,47 +24,47 @@ class TruthLog:
         self._simulator, self._world, self._add = simulator, world, add
         self._kinds = {thing.name: thing.kind for thing in world.obstacles}
         self._kinds |= {walker.name: walker.kind for walker in world.walkers}
-        self._fallen_told = self._sprayed_told = 0
+        self._fallen_reported = self._sprayed_reported = 0
         self._touched_s: dict[str, float] = {}
 
     def __call__(self, record: TickRecord) -> None:
-        self._tell_crushed(record.batch.t_s)
-        self._tell_sprayed(record.batch.t_s)
+        self._report_crushed(record.batch.t_s)
+        self._report_sprayed(record.batch.t_s)
         if record.batch.bumper:
-            self._tell_touched(record.batch.t_s)
+            self._report_touched(record.batch.t_s)
 
-    def _tell_crushed(self, t_s: float) -> None:
+    def _report_crushed(self, t_s: float) -> None:
         from agribot.sim.underside import PART_WORDS
 
         states = self._simulator.plants
-        fallen = states.fallen[self._fallen_told :]
-        self._fallen_told += len(fallen)
+        fallen = states.fallen[self._fallen_reported :]
+        self._fallen_reported += len(fallen)
         for index in fallen:
             plant, what = self._world.plants[index], PART_WORDS.get(int(states.crushed_by[index]))
             is_news = states.crushed_s[index] > 0.0  # not of an earlier run of the job
             if what and is_news and plant.plant == PlantClass.CROP:
-                self._tell(t_s, f"crop plant crushed by {what}: {_name_place(plant)}")
+                self._report(t_s, f"crop plant crushed by {what}: {_name_place(plant)}")
 
-    def _tell_sprayed(self, t_s: float) -> None:
+    def _report_sprayed(self, t_s: float) -> None:
         states = self._simulator.plants
-        sprayed = states.sprayed[self._sprayed_told :]
-        self._sprayed_told += len(sprayed)
+        sprayed = states.sprayed[self._sprayed_reported :]
+        self._sprayed_reported += len(sprayed)
         for index in sprayed:
             plant = self._world.plants[index]
             is_news = states.sprayed_s[index] > 0.0  # not of an earlier run of the job
             if is_news and plant.plant == PlantClass.CROP:
-                self._tell(t_s, f"crop plant sprayed on its heart: {_name_place(plant)}")
+                self._report(t_s, f"crop plant sprayed on its heart: {_name_place(plant)}")
 
-    def _tell_touched(self, t_s: float) -> None:
+    def _report_touched(self, t_s: float) -> None:
         name = self._simulator.find_touched()
         if not name:
             return
         if t_s - self._touched_s.get(name, -LET_GO_S) >= LET_GO_S:
             what = "person" if is_person(self._kinds.get(name, "")) else "obstacle"
-            self._tell(t_s, f"touched the {what} '{name}'")
+            self._report(t_s, f"touched the {what} '{name}'")
         self._touched_s[name] = t_s
 
-    def _tell(self, t_s: float, reason: str) -> None:
+    def _report(self, t_s: float, reason: str) -> None:
         self._add(Event(t_s=t_s, kind="truth", reason=reason))
 
 

@@ -29,4 +29,4 @@ class Unattended:
         if self.is_attended or not why or self._t_s - self._since_s < self._limit_s:
             return ""
         lacking = "cleared the stop" if self._stopped else "resumed the mission"
-        return f"{why}; nobody {lacking} for {self._limit_s:g} s"
+        return f"{why}; no operator {lacking} for {self._limit_s:g} s"

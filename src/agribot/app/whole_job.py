@@ -32,7 +32,7 @@ LATENCY_BIN_S = 0.001
 
 
 class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
-    """What the runs of a job did until now; the last of `runs` wrote this.
+    """Results of a job's runs until now; the last of `runs` wrote this.
 
     `lacks` says in words what of the earlier ones is lost. `latency_s` is what the network took for
     a picture, `used_s` the time from its capture to the tick that used it. Times of `plants` are
@@ -59,12 +59,12 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
 
 
 NOTHING = JobSoFar(runs=())
-# Of a mission that goes on without the account of the run before; see `read_job`.
+# State of a mission that goes on without the account of the run before; see `read_job`.
 UNKNOWN = JobSoFar(runs=(), lacks=("all but the mission itself: no account of them was given",))
 
 
 class RunOfNow(Protocol):
-    """What is asked of the run that does the job now."""
+    """Requests to the run that does the job now."""
 
     out_dir: Path
     clock: Clock
@@ -104,7 +104,7 @@ class WholeJob:
 
     @property
     def began_s(self) -> float:
-        """When this run took over, on the clock of the whole job."""
+        """Start of this run, on the clock of the whole job."""
         return self._earlier.sim_s
 
     @property
@@ -134,14 +134,14 @@ class WholeJob:
         )
 
     def events(self, own: Iterable[Event]) -> tuple[Event, ...]:
-        """Of all runs, on the clock of the job."""
+        """Events of all runs, on the clock of the job."""
         return (*self._events, *events_later(own, self.began_s))
 
     def plants(self, own: Iterable[MappedPlant]) -> tuple[MappedPlant, ...]:
         return plants_later(own, self.began_s)
 
     def series(self, own: RunSeries) -> RunSeries:
-        """Of all runs whose recordings can be read; those that cannot are noted in `lacks`."""
+        """Series of all runs whose recordings can be read; the others are noted in `lacks`."""
         series, lost = series_of(self._earlier.runs, own, self._run.out_dir)
         self.lacks += lost
         return series
@@ -150,7 +150,7 @@ class WholeJob:
 def _restore_judgement(judge: Judge | None, judged: RefereeState) -> list[str]:
     """Let the judge go on with an earlier judgement; what of it is lost, in words."""
     if judge is None:
-        return ["what was measured before: nobody knows the truth of this run"]
+        return ["what was measured before: no ground truth in this run"]
     lost = judge.restore(judged)
     return [lost] if lost else []
 
@@ -246,7 +246,7 @@ def events_of(earlier: Sequence[RunOfJob], beside: Path) -> tuple[list[Event], l
 
 
 def folder_of(run: RunOfJob, beside: Path) -> Path:
-    """Where it was; or beside another run of the job, if they were moved together."""
+    """Return its folder, or the one beside another run of the job if they were moved together."""
     folder = Path(run.folder)
     return folder if folder.exists() else beside.parent / folder.name
 

@@ -1,4 +1,4 @@
-"""One function over many jobs, here or in other processes: results as they come, a clean stop.
+"""One function over many jobs, here or in other processes: results one by one, a clean stop.
 
 A worker process ends with its parent, also when that one is killed.
 """

@@ -21,12 +21,13 @@ from agribot.core.world import Obstacle, WorldSpec, is_person
 from agribot.description.row_table import find_row_table, list_crop_m
 from agribot.description.worlds_sdf import load_run_world
 
-POST_RADIUS_M = 0.3  # what is no wider is a post, which the map of a field holds
-POST_HEIGHT_M = 1.5  # what begins higher is passed under
-AROUND_M = 4.0  # beyond the rows: as far as a robot turns
-# Of the distance of two rows: crop farther off every row than this is not of them.
+POST_RADIUS_M = 0.3  # largest radius of a post, which the map of a field holds
+POST_HEIGHT_M = 1.5  # height from which a thing is passed under
+AROUND_M = 4.0  # margin beyond the rows: as far as a robot turns
+# Distance from every row, as a share of that of two rows, beyond which crop is not of them.
 OFF_ROW_RATIO = 0.25
-MOST_OFF_RATIO = 0.05  # of the crop that the robot passes; volunteer plants may stand anywhere
+# Share of the crop that the robot passes; volunteer plants may stand anywhere.
+MOST_OFF_RATIO = 0.05
 
 
 def take_world_rows(config: RunConfig) -> RunConfig:

@@ -23,11 +23,11 @@ SETTLE_S = 2.0
 
 
 class PerceptionMeter:
-    """What the network costs: CPU time of its thread and wall time, per frame."""
+    """Cost of the network: CPU time of its thread and wall time, per frame."""
 
     def __init__(self) -> None:
         self.cpu_s = 0.0
-        self.latencies_s: list[float] = []  # of every frame; it only grows
+        self.latencies_s: list[float] = []  # latency of every frame; it only grows
 
     def watch(self, observe: Observer) -> Observer:
         def observe_and_time(frame: CameraFrame, ready_s: float) -> Scene:

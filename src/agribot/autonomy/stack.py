@@ -97,7 +97,7 @@ class Stack:
             self._explore(scene, estimate)
         takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.requests)
-        self.mission.heed(self.supervisor.warning)
+        self.mission.obey_warning(self.supervisor.warning)
         self.mission.free(self.supervisor.stuck)
         on_rows = self.mission.relate_to_path(estimate)
         goal = self.mission.step(on_rows, (*batch.requests, *takeover))

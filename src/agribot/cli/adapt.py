@@ -14,7 +14,7 @@ from agribot.cli.ranges import finite, seed
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError
 
-MINUTES = 10.0  # of CPU time
+MINUTES = 10.0  # minutes of CPU time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     use_threads(options.threads)
     budget = Budget(options.minutes, options.steps)
     wanted = Wanted(options.source, options.model, options.out, budget, options.seed)
-    adapted = adapt(wanted, Listener(_tell, _count))
+    adapted = adapt(wanted, Listener(_print_line, _count))
     _show(adapted, options)
     return 1 if adapted.problems else 0
 
@@ -69,7 +69,7 @@ def _check(options: argparse.Namespace) -> None:
             raise ConfigError(f"--{name} {getattr(options, name)}: must be at least 1")
 
 
-def _tell(text: str) -> None:
+def _print_line(text: str) -> None:
     sys.stderr.write(text + "\n")
     sys.stderr.flush()
 
@@ -84,13 +84,13 @@ def _show(adapted: Any, options: argparse.Namespace) -> None:
     import msgspec
 
     for problem in adapted.problems:
-        _tell(f"left out: {problem}")
+        _print_line(f"left out: {problem}")
     for name, figures in (("before", adapted.before), ("after", adapted.after)):
-        _tell(
+        _print_line(
             f"{name}, {figures.pictures} pictures kept aside: on rows {_format(figures.on_rows)}; "
             f"between rows {_format(figures.between_rows)}"
         )
-    _tell(
+    _print_line(
         f"{adapted.model}: {adapted.steps} steps, {adapted.cpu_s / 60.0:.1f} CPU-min in all; "
         f"before and after: {adapted.sheet}"
     )

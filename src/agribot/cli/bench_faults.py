@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
                          "rest\n")  # fmt: skip
         return 130
     if page is not None:
-        summary = f"`{_tell_command(options)}`: {describe_result(result)}"
+        summary = f"`{_write_command(options)}`: {describe_result(result)}"
         _publish(options.markdown, page, _name(options), summary, rows)
     return int(bool(errors))
 
@@ -152,7 +152,7 @@ def _find_ending(options: argparse.Namespace) -> str:
     return "".join(f"-{word}" for word in words)
 
 
-def _tell_command(options: argparse.Namespace) -> str:
+def _write_command(options: argparse.Namespace) -> str:
     """Write the command that repeats a campaign."""
     words = ["agribot bench faults"]
     words += [f"--platform {options.platform}"] if options.platform != "sim" else []

@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     except OSError as error:
         raise RecordingError(f"cannot write into {out}: {error.strerror or error}") from error
     executor = ProcessExecutor(options.workers, long_mission.go_on)
-    ways = long_mission.WayToldNow([folder.run_dir(job) for job in jobs])
+    ways = long_mission.ProgressLine([folder.run_dir(job) for job in jobs])
     result = drive(folder, executor, ways)
     summary = long_mission.summarise(list(folder.read_finished().values()))
     each, memory_mb = summary["km_per_intervention"], summary["memory_mb"]

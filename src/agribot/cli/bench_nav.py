@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     Results = list[tuple[Line, list[Outcome]]]
 
 MAX_SPEED_MPS = 1.0
-FORMER_NAMES = {"hector": "seed"}  # of presets, in this command
+FORMER_NAMES = {"hector": "seed"}  # former names of presets, in this command
 # The field belongs to the benchmark, the rest of the program does not run in it.
 OWN_SETTINGS = ("control", "estimate", "mission")
 MAX_ROWS = 100
-GOOD_RATIO = 0.95  # of the missions of a line, for status 0
+GOOD_RATIO = 0.95  # share of a line's missions, for status 0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from agribot.drivers.board_probe import BoardProbe, FoundBoard
     from agribot.drivers.schemes import SourceUri
 
-PERIOD_S = 1.0  # of a line
+PERIOD_S = 1.0  # period of a line
 KINDS = ("motor", "imu")
 
 
@@ -80,8 +80,8 @@ def _find(uri: SourceUri, wanted: object, seconds: float) -> tuple[FoundBoard, b
     from agribot.drivers.stream_sources import open_receiver_line
 
     bauds = [baud for kind, baud in BAUDS.items() if wanted in (None, kind)]
-    is_told = uri.scheme != "serial" or bool(dict(uri.options).get("baud"))
-    lines = [uri] if is_told else [uri._replace(options=(("baud", str(b)),)) for b in bauds]
+    has_speed = uri.scheme != "serial" or bool(dict(uri.options).get("baud"))
+    lines = [uri] if has_speed else [uri._replace(options=(("baud", str(b)),)) for b in bauds]
     came = 0
     for line in lines:
         stream = open_receiver_line(line)

@@ -142,10 +142,10 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     sources = read_sources(session.config.sources)
     taken = {place.path for place in sources.values()}
     if "wheels" in sources and sources["wheels"].scheme in {"ros1", "ros2"}:
-        taken.add(topics.ODOM.name)  # that of the body, which is elsewhere
+        taken.add(topics.ODOM.name)  # the odometry of the body is elsewhere
     has_camera = session.robot.camera is not None
     out = [
-        topic  # what others publish for this robot, it does not say again
+        topic  # topics that others publish for this robot are not published again
         for topic in list_out_topics(
             options, has_camera=has_camera, allow_drive=options.allow_drive
         )

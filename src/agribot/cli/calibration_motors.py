@@ -18,7 +18,7 @@ NEEDED = ("counts_per_turn", "full_speed_radps")
 
 
 class MotorsResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What is kept, and in which file."""
+    """The values that are kept, and their file."""
 
     counts_per_turn: float
     full_speed_radps: float

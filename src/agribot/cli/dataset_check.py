@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from agribot.lab.dataset.classes import MaskIds
     from agribot.lab.dataset.layouts import Layout
 
-MOST_LINES = 20  # of problems, on the terminal
+MOST_LINES = 20  # problems on the terminal
 
 
 def add_check(actions: Any) -> None:

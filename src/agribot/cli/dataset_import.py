@@ -12,7 +12,7 @@ from agribot.cli.counting import CountProgress
 from agribot.cli.misplaced_option import add_misplaced_option
 from agribot.core.errors import ConfigError
 
-MOST_LINES = 20  # of problems, on the terminal
+MOST_LINES = 20  # problems on the terminal
 FORMATS = ("auto", "labelme", "coco", "cvat", "yolo", "label-studio")
 
 

@@ -39,10 +39,10 @@ def check_devices(root: Path = Path("/"), access: Access = os.access) -> Iterato
     devices = find_devices(root, access)
     for kind, (what, detail) in NONE_FOUND.items():
         mine = [device for device in devices if device.kind == kind]
-        yield from map(_tell_device, mine)
+        yield from map(_describe_device, mine)
         if not mine:
             yield CheckResult(what=what, state="missing", detail=detail)
-    yield _tell_contactor([device for device in devices if device.may_be_relay])
+    yield _describe_contactor([device for device in devices if device.may_be_relay])
     if any(device.usb for device in devices):
         yield from _check_meddlers(root)
 
@@ -69,7 +69,7 @@ def check_gpsd(
         yield CheckResult(what="gpsd", state="ok", detail=detail)
 
 
-def _tell_contactor(chips: Sequence[FoundDevice]) -> CheckResult:
+def _describe_contactor(chips: Sequence[FoundDevice]) -> CheckResult:
     """Name what may be a contactor's relay: it says nothing, so that only a person knows."""
     detail = "nothing but the red button takes the motors' power unless a run names a relay: "
     if not chips:
@@ -83,7 +83,7 @@ def _tell_contactor(chips: Sequence[FoundDevice]) -> CheckResult:
     return CheckResult(what="contactor", state="missing", detail=detail)
 
 
-def _tell_device(device: FoundDevice) -> CheckResult:
+def _describe_device(device: FoundDevice) -> CheckResult:
     what = f"{device.kind} {device.node}"
     named = device.what + (f" ({device.usb})" if device.usb else "")
     if device.is_usable:

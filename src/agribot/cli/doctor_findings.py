@@ -10,7 +10,7 @@ State = Literal["ok", "missing", "warning", "bad"]
 
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What one check found; `detail` ends with what to do about it.
+    """Result of one check; `detail` ends with what to do about it.
 
     "missing" is what a robot can do without, a "warning" what will cause trouble, and only what is
     "bad" makes the doctor's answer no.

@@ -22,7 +22,7 @@ GIB = 2**30
 LEAST_FREE_BYTES = 200e6  # record.min_free_mb: below it recordings end
 LITTLE_FREE_BYTES = 4 * GIB  # some hours of recording with a camera
 NEAR_LIMIT_C = 5.0
-HOT_C = 80.0  # where the system names no limit
+HOT_C = 80.0  # limit if the system names none
 # Raspberry Pi, bits of get_throttled. Source: Raspberry Pi documentation, vcgencmd.
 PI_NOW = {
     0: "the supply is too weak",

@@ -206,8 +206,8 @@ class DeviceProbe:
         except OSError as error:
             detail = f"{error}; check its cable, and who else uses it"
             return CheckResult(what=what, state="warning", detail=detail)
-        told = f", {seen.told_hz:g} by its driver" if seen.told_hz else ""
-        words = f"{seen.width_px} x {seen.height_px} px, {seen.rate_hz:.1f} Hz measured{told}"
+        by_driver = f", {seen.stated_hz:g} by its driver" if seen.stated_hz else ""
+        words = f"{seen.width_px} x {seen.height_px} px, {seen.rate_hz:.1f} Hz measured{by_driver}"
         source = f"camera=v4l2:{device.path}"
         self.found.append(Probed(
             node=device.node, path=device.path, what=words, source=source, is_good=True,

@@ -15,7 +15,7 @@ from agribot.lab.train.figures import tint
 from agribot.record.report import write_file
 
 MASK_RGB = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], dtype=np.uint8)
-PANEL_WIDTH_PX = 640  # a wider picture is shrunk for its panel
+PANEL_WIDTH_PX = 640  # width of a panel; a wider picture is shrunk
 TITLE_HEIGHT_PX = 22
 _FORMATS = {".png": "PNG", ".jpg": "JPEG", ".tif": "TIFF"}
 TITLES = ("picture", "red: weed, green: crop", "confidence: dark is unsure")

@@ -24,7 +24,7 @@ class DriveSource(Protocol):
 
 
 class NoTwist:
-    """No commands."""
+    """A source of no commands."""
 
     def at(self, t_s: float) -> DriveCommand | None:
         return None

@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
             shutil.copy(model_path(args.model), source)
         made = Path(folder) / "made.onnx"
         _convert(args, source, made, pictures)
-        Segmenter(made)  # what does not run replaces nothing
+        Segmenter(made)  # a network that does not run replaces nothing
         write_network(made, args.out)
     write_card(model_path(args.model), args.out, args.precision, pictures)
     after = Segmenter(args.out)

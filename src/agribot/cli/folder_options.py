@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-NAME_FOLDERS = "name them with --images and --masks"  # what to do where the folders are not found
+NAME_FOLDERS = "name them with --images and --masks"  # advice if the folders are not found
 
 
 def list_given(name: str | None) -> tuple[str, ...]:

@@ -19,10 +19,10 @@ from agribot.core.fact_text import render
 from agribot.core.geo import compass_deg_from_yaw
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
 
-PERIOD_S = 1.0  # of a line
+PERIOD_S = 1.0  # period of a line
 POLL_S = 0.05
 SILENT_S = 3.0  # a fix of a second that is older is not current
-PATIENCE_S = 10.0  # for the answers to all settings
+PATIENCE_S = 10.0  # time for the answers to all settings
 RATES_HZ = 1.0, 20.0
 
 

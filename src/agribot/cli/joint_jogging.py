@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from agribot.ros.joint_jog import JogConnection
 
 NODE = "agribot_jog"
-# Where controllers of joint trajectories take them: ros_control of ROS 1, ros2_control.
+# Topics of controllers of joint trajectories: ros_control of ROS 1, ros2_control.
 COMMANDS = {"ros1": "command", "ros2": "joint_trajectory"}
 ROUTES = "ros1:, ros1://HOST:PORT, ros2: or ros2://HOST:PORT"
 

@@ -13,7 +13,7 @@ from agribot.core.messages import ByteArray
 STRIP_PX = 28  # height of the strip below the picture
 JPEG_QUALITY = 88
 NOTICE_PX, LINE_CHARS = (640, 480), 60
-WIDEST_PX = 1280  # of a picture on the page; a wider one is shown smaller
+WIDEST_PX = 1280  # width of a picture on the page; a wider one is shown smaller
 
 
 def draw_overlay(image_rgb: ByteArray, seen: Any, words: str) -> bytes:

@@ -20,11 +20,11 @@ from agribot.core.messages import ByteArray, CameraFrame
 
 SIM_SPEED_MPS = 0.5
 TOPICS = ("ros1:", "ros2:")
-# Of the networks: as ROS_DOMAIN_ID and ROS_MASTER_URI say, or the address in the URI.
+# Networks: by ROS_DOMAIN_ID and ROS_MASTER_URI, or the address in the URI.
 NETWORK = {"ros_domain": None, "ros_router": None, "ros_master": None}
 PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-PERIOD_S = 0.01  # of a look for the next picture of a topic
-MOST_DIGITS = 4  # of the number of a webcam
+PERIOD_S = 0.01  # period of a look for the next picture of a topic
+MOST_DIGITS = 4  # digits in the number of a webcam
 
 
 class SimulatedDrive:

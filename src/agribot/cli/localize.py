@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.record.localization.result import OUTPUT_NAMES
 
     stated = _read_options(options)
-    make_config((*options.settings, *options.changes))  # what is wrong is said before the work
+    make_config((*options.settings, *options.changes))  # wrong settings are refused before the work
     for path, name in itertools.product(options.logs, OUTPUT_NAMES):
         if path.is_file():
             check_target(path, options.out / name, "result")

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 from agribot.core.errors import AgribotError, PerceptionError
 from agribot.core.messages import ByteArray
 
-LOOK_S = 0.2  # from look to look whether somebody has interrupted
+LOOK_S = 0.2  # period of a look for an interruption by the user
 
 
 class FrameSource(Protocol):

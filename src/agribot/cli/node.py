@@ -38,7 +38,7 @@ from agribot.ros.nodes.stage import NodeStage
 if TYPE_CHECKING:
     from agribot.ros.nodes.gps_umd import UtmSettings
 
-_PATIENCE_S = 60.0  # for a master or router that is still starting
+_PATIENCE_S = 60.0  # time for a master or router that is still starting
 
 
 class NodeReport(msgspec.Struct, frozen=True, kw_only=True):

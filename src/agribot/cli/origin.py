@@ -29,8 +29,8 @@ from agribot.drivers.schemes import open_source, read_uri
 
 FILE_NAME = "origins.toml"
 FIRST_FIX_FILE_NAME = "first-fix.toml"  # the origin of a real robot that was given none
-PATIENCE_S = 60.0  # for the first good fix; a cold receiver needs half of that
-# For the first good fix where the command asked for none; the robot may stand in its workshop.
+PATIENCE_S = 60.0  # time for the first good fix; a cold receiver needs half of that
+# Time for the first good fix if the command asked for none; the robot may stand in its workshop.
 UNASKED_PATIENCE_S = 10.0
 PERIOD_S = 0.05
 FIRST_FIX = "first fix"
@@ -210,5 +210,5 @@ def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> D
 
 
 def _is_good(fix: GnssFix) -> bool:
-    is_told = fix.quality is not GnssQuality.NONE and is_place(fix.lat_deg, fix.lon_deg)
-    return is_told and fix.pos_std_m <= GOOD_STD_M
+    is_known = fix.quality is not GnssQuality.NONE and is_place(fix.lat_deg, fix.lon_deg)
+    return is_known and fix.pos_std_m <= GOOD_STD_M

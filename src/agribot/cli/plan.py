@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from agribot.gis.plan_file import SavedPlan
 
 SHORTEST_AB_M = 1.0
-FARTHEST_AB_M = 20_000.0  # a local map is flat only near its origin
+FARTHEST_AB_M = 20_000.0  # largest distance: a local map is flat only near its origin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from agribot.core.errors import ConfigError
 
-MOST_SEED = 2**63 - 1  # what JSON, TOML and NumPy all hold
+MOST_SEED = 2**63 - 1  # largest number that JSON, TOML and NumPy all hold
 MOST_WORKERS = 1024
-MOST_DIGITS = 40  # a longer word is shortened in a message
+MOST_DIGITS = 40  # letters of a word in a message; a longer one is shortened
 
 
 def number(least: float = -math.inf, most: float = math.inf) -> Callable[[str], float]:

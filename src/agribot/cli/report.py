@@ -130,8 +130,8 @@ def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]
     if plan:
         robot = parse_robot(read_urdf(recording), recording.name)
         return read_work(plan, "the recorded plan", config, robot).rows
-    is_told = not (config.waypoints or config.plan) and config.task == "rows"
-    return () if not is_told else lay_rows(config.field)
+    is_by_rows = not (config.waypoints or config.plan) and config.task == "rows"
+    return () if not is_by_rows else lay_rows(config.field)
 
 
 def _list_file_names(bag: Bag) -> set[str]:

@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     config = _read_config(options)
     has_sources = bool(read_sources(config.sources))
     kind = require_platform(config.platform)
-    # What is no simulation runs by its own clock.
+    # A run that is no simulation goes by its own clock.
     is_live = (bridging.is_wanted(options) or has_sources) and kind.is_simulated
     _check(options, config)
     pace = parse_pace(options.speed or ("1" if is_live else "max"))

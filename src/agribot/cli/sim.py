@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from agribot.cli.world_bridging import WorldTap
     from agribot.record.world_recorder import WorldRecorder
 
-STACK_PARTS = ("network", "disk")  # what only a robot with a stack has
-LINE_EVERY_S = 10.0  # of the clock on the wall
+STACK_PARTS = ("network", "disk")  # faults that only a robot with a stack has
+LINE_EVERY_S = 10.0  # period on the clock on the wall
 
 
 class SimReport(msgspec.Struct, frozen=True, kw_only=True):

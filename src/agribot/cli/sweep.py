@@ -59,10 +59,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def drive(
-    folder: SweepFolder, executor: Executor, tell: Callable[[], str] = lambda: ""
+    folder: SweepFolder, executor: Executor, describe_progress: Callable[[], str] = lambda: ""
 ) -> dict[str, Any]:
     """Run what is missing, write the tables and print them; return what sweep-report.json holds."""
-    errors = drive_all(folder, executor, tell)
+    errors = drive_all(folder, executor, describe_progress)
     result = folder.write_tables(errors)
     done = f"{result['runs_ok']} of {result['runs_total']} runs good"
     files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
@@ -81,11 +81,11 @@ def status(result: dict[str, Any]) -> int:
 
 
 def drive_all(
-    folder: SweepFolder, executor: Executor, tell: Callable[[], str] = lambda: ""
+    folder: SweepFolder, executor: Executor, describe_progress: Callable[[], str] = lambda: ""
 ) -> list[RunOutcome]:
     """Run what is missing; return the runs that gave no report.
 
-    `tell` is asked again and again for news of the runs that are on their way.
+    `describe_progress` is asked again and again for news of the runs that are on their way.
     """
     done = set(folder.read_finished())
     missing = [
@@ -98,7 +98,7 @@ def drive_all(
     with stop_on_signal() as stop:
 
         def must_stop() -> bool:
-            if news := tell():
+            if news := describe_progress():
                 progress(count, news)
             return bool(stop)
 

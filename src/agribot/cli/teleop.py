@@ -34,7 +34,7 @@ from agribot.ui.hand.remote import Remote
 from agribot.ui.hand.stick_table import TableHand, read_table
 
 MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
-ASK_TERMINAL = "\x1b[5n"  # for its state, which it answers at once
+ASK_TERMINAL = "\x1b[5n"  # question for its state, which it answers at once
 HELP = {
     "keyboard": "arrows or w a s d drive, space stops, q quits; , and . move the row's line 1 cm",
     "mouse": "press, drag up to drive and sideways to turn, let go to stand; space stops, q quits",

@@ -100,7 +100,7 @@ def _drive(
     while not stop:
         twist, requests = read(1.0 / rate_hz)
         for request in requests:
-            if request.name != "stop":  # which the twist itself says
+            if request.name != "stop":  # the twist itself says stop
                 _show(f"{request.name} needs a robot with a page", end="\r\n")
         if twist is None:
             return

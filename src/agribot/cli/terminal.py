@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-# What came within a time, in the words of a VT100; nothing: no key; None: the terminal was closed.
+# Reader of the bytes within a time, in the words of a VT100; nothing: no key; None: the terminal
+# was closed.
 ReadKeys = Callable[[float], bytes | None]
 
-CONSOLE_LOOK_S = 0.01  # between two looks at Windows' console, which cannot be waited for
+CONSOLE_LOOK_S = 0.01  # time between two looks at Windows' console, which cannot be waited for
 CONSOLE_ARROWS = {"H": b"\x1b[A", "P": b"\x1b[B", "M": b"\x1b[C", "K": b"\x1b[D"}
 
 

@@ -70,7 +70,7 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     path = str(recording.resolve())
 
     def about(port: int) -> About:
-        told = about_run(address, port, config, robot, urdf, field, recording.parent, path)
-        return msgspec.structs.replace(told, ros=ros)
+        shown = about_run(address, port, config, robot, urdf, field, recording.parent, path)
+        return msgspec.structs.replace(shown, ros=ros)
 
     return serve_page(ServerProcess(address, about), "replay", options)

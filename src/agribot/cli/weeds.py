@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from agribot.autonomy.weeds.plant_table import PlantTable
     from agribot.core.messages import Row
 
-# What --format says -> how the file's name ends.
+# Suffix of the file by --format.
 SUFFIXES = {
     "geojson": ".geojson", "gpkg": ".gpkg", "shp": ".shp", "kml": ".kml", "csv": ".csv",
 }  # fmt: skip
@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
         from agribot.gis.weeds.files import write_map
 
         write_map(options.out, table, SUFFIXES.get(options.format or "", ""))
-    _tell(options, table)
+    _print_summary(options, table)
     return 0
 
 
@@ -115,7 +115,7 @@ def _report(options: argparse.Namespace) -> int:
         area, datum = read_field(options.field)
         table, rows = move_to_datum(table, datum), _take_straight(area.rows)
     write_weed_report(options.out, table, rows)
-    _tell(options, table)
+    _print_summary(options, table)
     return 0
 
 
@@ -223,7 +223,7 @@ def _read_classes(text: str | None) -> dict[str, str]:
     return {key.strip().lower(): value for key, value in classes.items()}
 
 
-def _tell(options: argparse.Namespace, table: PlantTable) -> None:
+def _print_summary(options: argparse.Namespace, table: PlantTable) -> None:
     summary = _summarise(table)
     sys.stderr.write(
         f"{options.out}: {summary['weeds']} weeds, {summary['crops']} crop plants, "

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
     WorldTap = Callable[[WorldTick], None]
 
-# A compass gives a field; who turns it into a heading is somebody's node, not the world.
+# Topics out of the world. A compass gives a field; a node that turns it into a heading is not part
+# of the world.
 _OUT = {
     topic.name
     for topic in (

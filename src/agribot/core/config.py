@@ -37,7 +37,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class FieldConfig(Config, frozen=True):
-    """Where the crop rows are, as the planter drilled them, in the map frame of `datum`.
+    """Place of the crop rows, as the planter drilled them, in the map frame of `datum`.
 
     Rows are parallel; each further one lies `row_pitch_m` to the right of the row direction.
     `row_curvature_radpm` bends them, to the left where it is positive; direction, length and
@@ -45,21 +45,22 @@ class FieldConfig(Config, frozen=True):
     """
 
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # the origin of the map on Earth
-    datum_source: str = ""  # what `--origin` took the datum from; a simulated world goes there
-    # Of magnetic north, east positive; None: on a real robot that of the World Magnetic Model at
-    # the datum today, in the simulator 0.
+    datum_source: str = ""  # source of the datum, from `--origin`; a simulated world goes there
+    # Declination of magnetic north, east positive; None: on a real robot that of the World Magnetic
+    # Model at the datum today, in the simulator 0.
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] | None = None
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # the first plant of the first row
     # Direction of the rows, counter-clockwise from East.
     row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
-    row_length_m: Positive = 10.0  # from the first plant to the last
-    # Of the first row, left positive; 0: straight.
+    row_length_m: Positive = 10.0  # distance of the first plant and the last
+    # Curvature of the first row, left positive; 0: straight.
     row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
-    row_pitch_m: Positive = 1.0  # from row to row
-    row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6  # how many rows
+    row_pitch_m: Positive = 1.0  # distance of neighbouring rows
+    row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6  # number of rows
     has_crop: bool = True  # false: nothing grows in the rows yet, and no camera finds them
-    row_map_std_m: NonNegative = 0.03  # how far rows stand off these lines, 1 sigma
-    plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
+    row_map_std_m: NonNegative = 0.03  # offset of real rows from these lines, 1 sigma
+    # Distance of neighbouring plants in a row; None: not regular.
+    plant_spacing_m: Positive | None = None
     # The weed map of an earlier run (its weeds.geojson), by whose crop the robot knows its place.
     plant_map: str = ""
     # East, North and radius of what stands in the way: the pole of a base station, a well.
@@ -73,8 +74,8 @@ class FieldConfig(Config, frozen=True):
     start_map_m: tuple[float, float] | None = None
     # Heading of the robot on the mark.
     start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
-    start_std_m: Positive = 0.05  # how well it is put on the mark
-    start_yaw_std_deg: Positive = 3.0  # how well it is turned there
+    start_std_m: Positive = 0.05  # error of its place on the mark, 1 sigma
+    start_yaw_std_deg: Positive = 3.0  # error of its heading there, 1 sigma
     # Settings of this group that a simulated run takes from its world, which is not the profile's.
     from_world: tuple[str, ...] = ()
 
@@ -84,8 +85,9 @@ class MissionConfig(Config, frozen=True):
     turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3  # in turns
     headland_m: Positive = 1.0  # straight run past the last plant before turning
     plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
-    obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to obstacles and keep-out areas
-    waypoint_radius_m: Positive = 0.15  # so near, a waypoint counts as reached
+    # Distance of the robot's body from obstacles and keep-out areas.
+    obstacle_clearance_m: NonNegative = 0.3
+    waypoint_radius_m: Positive = 0.15  # distance at which a waypoint counts as reached
     # A waypoint farther from the origin is refused, and so is what is farther from the robot.
     max_waypoint_distance_m: Positive = 1000.0
     # Farther from the path than this, and than 3 sigma of the pose, the mission fails.
@@ -106,9 +108,9 @@ class EstimateConfig(Config, frozen=True):
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
     gyro_walk_rad_per_sqrt_s: Positive = 0.0004  # 0.02 deg: data sheets say 0.01
-    wheel_scale_std_ratio: Positive = 0.04  # of the wheels' radius: tyre pressure and load
+    wheel_scale_std_ratio: Positive = 0.04  # error of the wheels' radius: tyre pressure and load
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
-    position_walk_m_per_sqrt_m: Positive = 0.018  # of wheels on soil, along and across
+    position_walk_m_per_sqrt_m: Positive = 0.018  # drift of wheels on soil, along and across
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
     # Own iron of the robot, from `agribot calibrate magnetometer`; T forward and left, and (xx, xy,
@@ -118,11 +120,11 @@ class EstimateConfig(Config, frozen=True):
     mag_learn: bool = True  # learn what is left of the robot's own iron while driving
     gate_sigma: Positive = 4.0  # readings farther off are rejected
     recover_after: Count = 25  # rejected in a row before the filter opens up
-    # Of the protection level: how often the true error may be larger.
+    # Probability that the true error exceeds the protection level.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     # Most of their way that wheels may be learnt to lose in turns on soil; 0 learns nothing.
     max_turn_loss_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.3
-    row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
+    row_gate_sigma: Positive = 3.5  # gate for a crop's distance from its row
     # Less sure than this of the row in which it is, the robot asks a person.
     row_certainty: Ratio = 0.9
     gnss_timeout_s: Positive = 10.0  # without a fix; only dead reckoning is left then
@@ -134,22 +136,25 @@ class EstimateConfig(Config, frozen=True):
 class ControlConfig(Config, frozen=True):
     length_m: Positive = 0.4  # distance in which an error of the path is taken out
     delay_s: NonNegative = 0.2  # actuator lag and dead time that the follower looks ahead
-    max_yaw_rate_radps: Positive = 1.0  # that the follower asks for
+    max_yaw_rate_radps: Positive = 1.0  # largest yaw rate of the follower
 
 
 class CalibrationConfig(Config, frozen=True):
-    """What `agribot calibrate` measured of one robot; None: as in its description."""
+    """Results of `agribot calibrate` for one robot; None: as in its description."""
 
     wheel_radius_m: Positive | None = None  # rolling, under load
     yaw_multiplier: Positive | None = None  # effective separation over the track
-    antenna_m: tuple[float, float] | None = None  # of GNSS, forward and left of the turning centre
+    # GNSS antenna, forward and left of the turning centre.
+    antenna_m: tuple[float, float] | None = None
     camera_height_m: Positive | None = None  # over the ground
-    camera_rpy_rad: tuple[float, float, float] | None = None  # of the camera's link in base_link
+    # Rotation of the camera's link in base_link.
+    camera_rpy_rad: tuple[float, float, float] | None = None
     # Encoder counts of a turn of the wheel, all four edges, with its gear; of an `agribot` board.
     counts_per_turn: Annotated[float, msgspec.Meta(ge=4, le=1e6)] | None = None
-    # Of a wheel at 24 V without load; of an `agribot` board.
+    # Speed of a wheel at 24 V without load; of an `agribot` board.
     full_speed_radps: Annotated[float, msgspec.Meta(ge=0.1, le=1e3)] | None = None
-    # Of a motor with its wires, 24 V over its stall current; None: motors are not watched by it.
+    # Resistance of a motor with its wires, 24 V over its stall current; None: motors are not
+    # watched by it.
     winding_ohm: Annotated[float, msgspec.Meta(gt=0, le=1e3)] | None = None
 
 
@@ -158,8 +163,9 @@ class SafetyConfig(Config, frozen=True):
 
     max_pos_std_m: Positive = 3.0  # known worse, the robot stands
     max_yaw_std_rad: Positive = 0.6  # heading known worse, the robot stands
-    max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0  # of any command
-    max_yaw_rate_radps: Positive = 1.2  # of any command
+    # Largest speed of any command.
+    max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0
+    max_yaw_rate_radps: Positive = 1.2  # largest yaw rate of any command
     max_tilt_rad: Positive = 0.6  # tilted more, the robot stops
     geofence_margin_m: Positive = 5.0  # around the path, where no boundary of a field is known
     # Distance that the robot, by its own pose, may get over a field's boundary: a plan keeps 5 cm
@@ -168,20 +174,21 @@ class SafetyConfig(Config, frozen=True):
     # The boundary is also kept for a robot that is off by `fence_sigma` times the 1 sigma of its
     # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
     fence_unsure_m: NonNegative = 0.3
-    fence_sigma: NonNegative = 2.0  # how many 1 sigma of the position the boundary is kept for
+    fence_sigma: NonNegative = 2.0  # sigmas of the position that the boundary is kept away
     # The same with a receiver without carrier corrections, whose errors last: nothing is forgiven.
     fence_single_sigma: NonNegative = 3.5
-    hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
+    # Largest age of a request to drive.
+    hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2
     # The client that held the page's seat is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
     # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
     sensor_timeout_s: Positive = 0.3
     # Pictures, or what the network sees in them, missing or late by more switch the tool off.
     camera_timeout_s: Positive = 1.0
-    # Of the battery's charge: with less than the first the robot goes home, with less than the
-    # second it stands. Where it sends the voltage alone, that of the pack counts; 0: not known.
+    # Charge of the battery: below the first the robot goes home, below the second it stands. A
+    # battery that reports its voltage alone is judged by that of the pack; 0: not known.
     low_charge_ratio: Ratio = 0.2
-    empty_charge_ratio: Ratio = 0.08  # of the battery; below it the robot stands
+    empty_charge_ratio: Ratio = 0.08  # charge of the battery below which the robot stands
     # Below it the robot goes home, where only the voltage is known.
     low_battery_v: NonNegative = 0.0
     empty_battery_v: NonNegative = 0.0  # below it the robot stands, where only the voltage is known
@@ -191,27 +198,27 @@ class SafetyConfig(Config, frozen=True):
     clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
 
 
-DEFAULT_MODEL = "agribot-plants"  # knows five crops, and finds single plants
+DEFAULT_MODEL = "agribot-plants"  # a network that knows five crops, and finds single plants
 
 
 class PerceptionConfig(Config, frozen=True):
     enabled: bool = True  # a camera looks
     model: str = DEFAULT_MODEL  # the network: a packaged name or an ONNX file
     camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0  # pictures a second
-    # From the picture to its plants. A simulation waits for it, so that it repeats; a robot in real
-    # time uses plants as soon as they are there, and names pictures that come 0.2 s later.
+    # Time from the picture to its plants. A simulation waits for it, so that it repeats; a robot in
+    # real time uses plants as soon as they are there, and reports pictures that come 0.2 s later.
     latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
     min_plant_area_m2: NonNegative = 2e-4  # smaller spots on the ground are no plants
     min_confidence: Ratio = 0.6  # less sure spots, and stems, are no plants
     max_range_m: Positive = 1.6  # pixel footprint beyond it is too long for a position
-    threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1  # of the network
+    threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1  # threads of the network
 
 
 class WeedConfig(Config, frozen=True):
     # Sightings so near are one plant, but for weeds that one picture showed side by side.
     merge_radius_m: Positive = 0.12
     min_sightings: Count = 3  # before a plant is in the map
-    min_confidence: Ratio = 0.5  # of a plant in the map
+    min_confidence: Ratio = 0.5  # least confidence of a plant in the map
 
 
 LeafRule = Literal["any", "rows", "mapped", "alone", "none"]
@@ -229,29 +236,30 @@ class TreatmentConfig(Config, frozen=True):
     # of plants that stand alone in the map, of all whose stem is mapped, or these and those beside
     # the row.
     leaves: LeafRule = "alone"
-    # By the rule `rows`: no other row can stand within this distance of a row of mapped crops. At
-    # most 5 cm less than the distance of rows.
+    # Least distance between a row of mapped crops and another row, for the rule `rows`. At most 5
+    # cm less than the distance of rows.
     beside_row_m: Positive = 0.4
     # Beside rows, ground is sprayed where a network that finds plants makes a stem of a weed so
     # sure in the mean of its looks, also where none is on the map; 1: nowhere.
     least_weed_score: Ratio = 1.0
     prescription: str = ""  # file of zones with rates; nothing is treated outside them
-    prescription_column: str = ""  # which has litres per hectare; empty: by its usual names
-    depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach
+    prescription_column: str = ""  # column with litres per hectare; empty: by its usual names
+    depth_m: Positive | None = None  # depth of a hoe's blades; None: as deep as they reach
 
 
 class RecordConfig(Config, frozen=True):
     enabled: bool = True  # run.mcap is written
     image_rate_hz: NonNegative = 1.0  # pictures a second in the recording; 0: none
-    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80  # of these pictures
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80  # quality of these pictures
     max_file_mb: NonNegative = 0.0  # a new file begins at this size; 0: one file
     max_total_mb: NonNegative = 0.0  # above it, the oldest files go; 0: no limit
-    min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
-    frames_dir: str = ""  # of the frames that an operator keeps; empty: `frames` beside the run
+    min_free_mb: NonNegative = 200.0  # free space of the disk; below it, files go or recording ends
+    # Folder of the frames that an operator keeps; empty: `frames` beside the run.
+    frames_dir: str = ""
 
 
 class SourceConfig(Config, frozen=True):
-    """Where a sensor comes from if not from the platform: serial:/dev/ttyACM0; empty: its own."""
+    """Source of a sensor if not the platform: serial:/dev/ttyACM0; empty: the platform."""
 
     gnss: str = ""  # position
     imu: str = ""  # gyro and accelerometer
@@ -259,9 +267,9 @@ class SourceConfig(Config, frozen=True):
     wheels: str = ""  # encoders
     camera: str = ""  # pictures
     base: str = ""  # the motor board of `platform = "hardware"`: serial:/dev/ttyACM0?board=agribot
-    # What cuts the motors' power beside the red button: lcus:/dev/ttyUSB3; empty: nothing does.
+    # Contactor that cuts the motors' power beside the red button: lcus:/dev/ttyUSB3; empty: none.
     contactor: str = ""
-    others: str = ""  # what has no name of its own here: `OtherSample`
+    others: str = ""  # topic of samples without a setting here: `OtherSample`
 
 
 class SimConfig(Config, frozen=True):
@@ -269,12 +277,12 @@ class SimConfig(Config, frozen=True):
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
     # Preset of sensor errors: rtk, rtk-1, rtk-dual, rtk-trees, m8n, m8n-1, m8n-urban, ...
     sensors: str = "rtk"
-    # Of weeds in place of the world's own: over its areas of weeds, or else over the rectangle of
-    # its crops and 0.5 m around it.
+    # Density of weeds in place of the world's own: over its areas of weeds, or else over the
+    # rectangle of its crops and 0.5 m around it.
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
-    # How the world differs from its map and from seed to seed: kind, field, hard, or a file.
+    # Differences of the world from its map and from seed to seed: kind, field, hard, or a file.
     preset: str = "kind"
-    camera_noise: bool = True  # of the sensor and the picture
+    camera_noise: bool = True  # noise of the sensor and the picture
     camera_body: bool = True  # the robot and its shadow in its own camera's picture
     # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
     actuation: Literal["servo", "effort"] = "servo"
@@ -285,28 +293,29 @@ class SimConfig(Config, frozen=True):
     # In the motors' supply, in series; gate and red button open all of them.
     contactors: Annotated[int, msgspec.Meta(ge=0, le=2)] = 2
     imu: str = ""  # another IMU than the sensor preset's: ideal, hector, mpu9265
-    declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0  # of the true field
+    # Declination of the true field.
+    declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0
 
 
 class RunConfig(Config, frozen=True):
     """All settings of one run; `config.toml` of the output folder holds them resolved."""
 
-    # What these settings are called in reports and folders; a command is given them by its PROFILE.
+    # Name of these settings in reports and folders; the PROFILE of a command.
     profile: str = "farm"
-    # Of all randomness; up to what TOML and JSON readers take.
+    # Seed of all randomness; up to what TOML and JSON readers take.
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
-    # What drives: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
+    # The robot: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
     platform: str = "sim"
-    world: str = WORLD  # what is simulated: a packaged name or an SDF file
+    world: str = WORLD  # simulated world: a packaged name or an SDF file
     # Its description: a packaged name, URDF or xacro, with arguments as in "x.xacro side:=left".
     robot: str = "agribot"
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
     # Drive the rows of the field, or find and draw those of an unmapped field.
     task: Literal["rows", "explore"] = "rows"
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
-    tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
+    tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # rate of the control loop
     duration_s: Positive | None = None  # the run ends after it; none: with its mission
-    # What goes wrong in the simulated world, each NAME[=VALUE]@T[+SECONDS]; T in seconds.
+    # Faults of the simulated world, each NAME[=VALUE]@T[+SECONDS]; T in seconds.
     faults: tuple[str, ...] = ()
     field: FieldConfig = FieldConfig()
     mission: MissionConfig = MissionConfig()
@@ -320,7 +329,8 @@ class RunConfig(Config, frozen=True):
     record: RecordConfig = RecordConfig()
     sim: SimConfig = SimConfig()
     sources: SourceConfig = SourceConfig()
-    # Of installed packages that add to the program, by the plugin's name (`agribot plugins`).
+    # Settings of installed packages that add to the program, by the plugin's name (`agribot
+    # plugins`).
     plugins: dict[str, dict[str, Any]] = {}
 
 

@@ -111,7 +111,7 @@ def format_install(extra: str) -> str:
 
 
 class _Source(NamedTuple):
-    """What pip installed the program from, and the options for it."""
+    """Source of the installation by pip, and the options for it."""
 
     target: str
     options: tuple[str, ...] = ()
@@ -120,8 +120,8 @@ class _Source(NamedTuple):
 def _find_source() -> _Source | None:
     """Find what the program was installed from; None where that is not known or there no more."""
     try:
-        told = importlib.metadata.distribution("agribot").read_text(DIRECT_URL)
-        tree = json.loads(told or "{}")
+        direct_url = importlib.metadata.distribution("agribot").read_text(DIRECT_URL)
+        tree = json.loads(direct_url or "{}")
     except (importlib.metadata.PackageNotFoundError, ValueError):
         return None
     url = str(tree.get("url", ""))
@@ -151,5 +151,5 @@ def _list_requirements() -> list[Requirement]:
 def _is_installed(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
-    except ModuleNotFoundError:  # of the package around it
+    except ModuleNotFoundError:  # the package that would hold it is missing
         return False

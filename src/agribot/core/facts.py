@@ -36,9 +36,9 @@ Severity = Literal["note", "warning", "fault"]
 Wheel = Literal["right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F"]
 Side = Literal["left", "right"]
 Where = Literal["left", "right", "ahead", "behind"]
-End = Literal["front", "behind"]  # of the robot
+End = Literal["front", "behind"]  # ends of the robot
 Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall silent
-Motion = Literal["stand", "backwards", "fast", "slow"]  # of wheels, against their command
+Motion = Literal["stand", "backwards", "fast", "slow"]  # motions of wheels, against their command
 Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
 
 _CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
@@ -49,7 +49,7 @@ def _make_code(name: str) -> str:
 
 
 class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", tag=_make_code):
-    """What was found; see the module."""
+    """A finding; see the module."""
 
     about: ClassVar[tuple[Part, ...]] = ()
     severity: ClassVar[Severity] = "fault"
@@ -79,7 +79,7 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """What stays the same while only its numbers change."""
+        """The part that stays the same while only numbers change."""
         values = (value.kind if isinstance(value, Fact) else value for _, value in self.values)
         return (self.code, *(value for value in values if not _is_number(value)))
 
@@ -95,7 +95,7 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
 
     @property
     def variant(self) -> str:
-        """Which of several texts fits; empty where there is one."""
+        """Name of the text that fits; empty where there is one."""
         return ""
 
     @property
@@ -595,7 +595,7 @@ class CameraAndGnssDisagree(Fact, frozen=True):
 
     @property
     def variant(self) -> str:
-        return "open" if self.is_left_open else "told"
+        return "open" if self.is_left_open else "reported"
 
 
 class _OfGnss(Fact, frozen=True):
@@ -674,7 +674,7 @@ class AntennaElsewhere(_OfGnss, frozen=True):
 
     @property
     def variant(self) -> str:
-        return "open" if self.is_left_open else "told"
+        return "open" if self.is_left_open else "reported"
 
 
 class WheelsSlip(Fact, frozen=True):
@@ -1100,7 +1100,7 @@ class ContactorStaysClosed(Fact, frozen=True):
 
     @property
     def variant(self) -> str:
-        return "told" if self.is_told else "seen"
+        return "reported" if self.is_told else "seen"
 
 
 class ContactorStaysOpen(Fact, frozen=True):
@@ -1135,7 +1135,7 @@ class WheelsTurnUnpowered(Fact, frozen=True):
 
 
 class _OfBattery(Fact, frozen=True):
-    """By its charge where that is known, else by its voltage."""
+    """A fault by the battery's charge where that is known, else by its voltage."""
 
     about: ClassVar[tuple[Part, ...]] = ("battery",)
     left_percent: float | None = None
@@ -1281,7 +1281,7 @@ class NearEdgeAndUnsure(Fact, frozen=True):
 
 
 class _AtKeepOut(Fact, frozen=True):
-    """Where an area to keep out of is touched, and where the robot is."""
+    """Place where an area to keep out of is touched, and that of the robot."""
 
     area_x_map_m: float
     area_y_map_m: float

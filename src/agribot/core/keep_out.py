@@ -16,7 +16,7 @@ class BodyBox(NamedTuple):
 
 
 class AreaTouch(NamedTuple):
-    """Which pose comes nearest to an area, how near, and a place of that area."""
+    """Pose that comes nearest to an area, the distance, and a place of that area."""
 
     pose: int
     away_m: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-WORLD = "Farm"  # that is simulated where the settings name none
+WORLD = "Farm"  # default of the settings: the simulated world
 OF_A_WORLD = (
     "first_row_start_map_m", "row_yaw_deg", "row_length_m", "row_curvature_radpm", "row_pitch_m",
     "row_count", "plant_spacing_m", "has_crop", "obstacles_map_m", "start_map_m", "start_yaw_deg",

@@ -22,7 +22,7 @@ SILENCE_S = 2.0
 
 
 class Platform(Protocol):
-    """Nothing above this interface knows whether the robot is real.
+    """The interface to a robot; nothing above it knows whether the robot is real.
 
     What people and programs ask of the robot lies in `inbox`; `read` empties it into the batch.
     """
@@ -47,7 +47,7 @@ class Platform(Protocol):
 
 
 class TrueState(Protocol):
-    """Where the robot really is, as only a simulator knows: the body frame in the map."""
+    """True pose of the robot, as only a simulator knows: the body frame in the map."""
 
     @property
     def x_map_m(self) -> float: ...

@@ -21,7 +21,7 @@ _HOW = "how to write one: docs/contribute/platform.md"
 
 
 class PlatformKind(NamedTuple):
-    """How a platform is opened, and what it needs.
+    """Opener of a platform, and its needs.
 
     `opener` takes the settings of a run and the robot, and returns a `Platform`; as a text it is
     "module:function", imported when it is wanted. It is None for the simulator, which also makes

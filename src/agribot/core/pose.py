@@ -11,7 +11,7 @@ from agribot.core.geo import wrap_rad
 
 @dataclass(frozen=True, slots=True)
 class Pose2:
-    """Where a frame stands in its parent, x and y, and how far it is turned there.
+    """Pose of a frame in its parent: x and y, and the turn.
 
     Yaw is counter-clockwise. The pose `map_from_body` leads from body to map: its x axis points
     ahead, its y axis to the left. Points may be floats or arrays of one shape.
@@ -29,7 +29,7 @@ class Pose2:
 
     @property
     def xy_m(self) -> tuple[float, float]:
-        """Where it stands, in the parent."""
+        """Position in the parent."""
         return self.x_m, self.y_m
 
     @property

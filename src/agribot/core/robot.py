@@ -83,7 +83,7 @@ class TyreSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 GRAVITY_MPS2 = 9.81
-REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
+REACTION_S = 0.2  # delay until the brakes bite: a tick, the network of the motor board, its lag
 
 
 class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -118,7 +118,7 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     pid_p_nmspr: float = 0.3
     pid_i_nmprad: float = 3.0
     pid_d_nms2prad: float = 0.0005
-    # What the motor itself gives before the gear, and what the gear leaves of it.
+    # Torque of the motor itself before the gear, and the share that the gear leaves.
     motor_torque_nm: float = math.inf
     gear_efficiency_ratio: float = 1.0
     # The motor as felt at the wheel, behind the gear: V = R I + k w, T = k (I - I0). The defaults
@@ -127,7 +127,7 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     winding_ohm: float = 0.299
     no_load_a: float = 0.137
     controller_efficiency_ratio: float = 0.95
-    regeneration_ratio: float = 0.0  # of the power of braking that goes back into the battery
+    regeneration_ratio: float = 0.0  # share of the braking power that goes back into the battery
 
     @property
     def wheel_torque_nm(self) -> float:
@@ -190,7 +190,7 @@ class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a sensor sits and its rate; `tags` keeps the plugin's own numbers."""
+    """Place of a sensor and its rate; `tags` keeps the plugin's own numbers."""
 
     link: str
     rate_hz: float
@@ -211,7 +211,7 @@ class LidarSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def step_rad(self) -> float:
-        """From ray to ray; 0 of a single one."""
+        """Angle from ray to ray; 0 of a single one."""
         return (self.max_angle_rad - self.min_angle_rad) / max(self.samples - 1, 1)
 
 
@@ -230,7 +230,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     implement: ImplementSpec | None = None
     lidar: LidarSpec | None = None
     middle_wheels: tuple[str, ...] = ()  # driven ones between the corners: right, left, rear first
-    warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
+    warnings: tuple[str, ...] = ()  # gaps of the description, each with its replacement
 
     def link(self, name: str) -> Link:
         for link in self.links:
@@ -268,7 +268,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def tool_x_m(self) -> float:
-        """Where on the body the implement works: the origin without one."""
+        """Tool point on the body: the origin without an implement."""
         return self.implement.x_body_m if self.implement else 0.0
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 
-HANG_UP: signal.Signals | None = getattr(signal, "SIGHUP", None)  # the terminal was closed
+HANG_UP: signal.Signals | None = getattr(signal, "SIGHUP", None)  # signal of a closed terminal
 
 
 def ignore_interrupts() -> None:

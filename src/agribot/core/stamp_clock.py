@@ -12,14 +12,14 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import msgspec
 
 Sample = TypeVar("Sample", bound=msgspec.Struct)
-QUEUE_SAMPLES = 1000  # not taken yet; more lose the oldest
+QUEUE_SAMPLES = 1000  # longest queue of samples; more lose the oldest
 
 WINDOW_S = 2.0
-# The freshest message of a window is younger than this if its stamps are of the robot's clock.
+# Largest age of a window's freshest message whose stamp is of the robot's clock.
 SAME_CLOCK_S = 1.0
-LONGEST_TICK_S = 0.1  # a process without a tick for longer is suspended
-_AHEAD_S = 0.05  # of rounding
-DRIFT_RATIO = 1e-4  # of a crystal against another; a ceramic resonator drifts by more
+LONGEST_TICK_S = 0.1  # longest tick of a running process; after a longer one it was suspended
+_AHEAD_S = 0.05  # rounding of stamps
+DRIFT_RATIO = 1e-4  # drift of one crystal against another; a ceramic resonator drifts by more
 
 
 class StampClock:
@@ -37,7 +37,7 @@ class StampClock:
         """`is_of_its_own` says that the stamps are never of the robot's clock, as of a board."""
         self._is_of_its_own = is_of_its_own
         self._delays: deque[tuple[float, float]] = deque()  # arrival, arrival minus stamp
-        self._arrivals_s: deque[float] = deque()  # of messages without a stamp
+        self._arrivals_s: deque[float] = deque()  # arrivals of messages without a stamp
         self._stamp_s = -math.inf
 
     def note_message(self, stamp_s: float, arrived_s: float) -> None:
@@ -49,7 +49,7 @@ class StampClock:
             return
         back_s = self._stamp_s - stamp_s
         if back_s > (0.0 if self._is_of_its_own else WINDOW_S):
-            self._delays.clear()  # that clock began anew
+            self._delays.clear()  # the clock of the stamps began anew
         self._stamp_s = stamp_s
         self._delays.append((arrived_s, arrived_s - stamp_s))
         while arrived_s - self._delays[0][0] > WINDOW_S:
@@ -70,7 +70,7 @@ class StampClock:
 
     @property
     def uncertainty_s(self) -> float:
-        """How far capture times may be off, beside the shortest delay that there is at all.
+        """Error of capture times, beside the shortest delay that there is at all.
 
         Of `n` delays that scatter by an exponential law, the shortest is longer than the least
         possible one by their mean excess over n - 1; the clocks drift apart for a window on top.
@@ -133,7 +133,7 @@ class TickClock:
 
 class _Arrival(NamedTuple):
     stamp_s: float
-    arrived_s: float  # by the monotonic clock
+    arrived_s: float  # arrival by the monotonic clock
     sample: Any
 
 
@@ -165,12 +165,12 @@ class SampleQueue(Generic[Sample]):
         self._ticks = TickClock()
         self.clock = clock or StampClock(is_of_its_own=is_of_its_own)
         self._notes = clock is None
-        self._timed: deque[tuple[float, Sample]] = deque(maxlen=longest)  # by capture time
+        self._timed: deque[tuple[float, Sample]] = deque(maxlen=longest)  # samples by capture time
         self._last_s = -1.0
 
     @property
     def uncertainty_s(self) -> float:
-        """How far capture times may be off; see `StampClock.uncertainty_s`."""
+        """Error of capture times; see `StampClock.uncertainty_s`."""
         return self.clock.uncertainty_s
 
     def put(self, stamp_s: float, arrived_s: float, sample: Sample) -> None:

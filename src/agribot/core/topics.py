@@ -32,7 +32,7 @@ from agribot.core.messages import (
 
 
 class Qos(msgspec.Struct, frozen=True, kw_only=True):
-    """What ROS 2 offers to late or lossy subscribers; history is always keep-last."""
+    """Quality of service for late or lossy subscribers of ROS 2; history is always keep-last."""
 
     reliable: bool = True
     latched: bool = False  # durability transient_local
@@ -103,7 +103,7 @@ EXTENDED_FIX = Topic(
     rate_hz=10.0,
     seed_alias="/extended_fix",
     seed_ros_type="gps_common/msg/GPSFix",
-    about="all that a real receiver told: velocity, dilutions, satellites, errors at 95 %",
+    about="the full report of a real receiver: velocity, dilutions, satellites, errors at 95 %",
 )
 IMU = Topic(
     name="/agribot/imu",

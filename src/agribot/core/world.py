@@ -45,7 +45,7 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Waypoint(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a walker is at a time of its walk."""
+    """Place of a walker at a time of its walk."""
 
     t_s: float
     x_map_m: float
@@ -118,7 +118,7 @@ class Light(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Soil(msgspec.Struct, frozen=True, kw_only=True):
-    """What lies on the soil beyond its usual crumbs, each 0 (nothing) to 1 (a lot).
+    """Cover of the soil beyond its usual crumbs, each 0 (nothing) to 1 (a lot).
 
     `residue_ratio` straw and stalks of the last crop, `stones_ratio` stones, `wet_ratio` the
     share of the ground that is dark with water.
@@ -133,7 +133,7 @@ SoilClass = Literal["rigid", "firm", "tilled", "soft"]
 
 
 class SoilStrength(msgspec.Struct, frozen=True, kw_only=True):
-    """How the soil carries: on a `rigid` one nothing sinks in; water weakens the others.
+    """Strength of the soil: on a `rigid` one nothing sinks in; water weakens the others.
 
     `moisture_ratio` goes from 0 (dry) to 1 (saturated).
     """
@@ -152,7 +152,7 @@ class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Relief(msgspec.Struct, frozen=True, kw_only=True):
-    """What the ground has of heights below the size of a field, drawn from `seed`; 0: flat.
+    """Heights of the ground below the size of a field, drawn from `seed`; 0: flat.
 
     `roughness_rms_m` is the deviation from the plane of random ground with an ISO 8608 spectrum.
     Clods have heights up to `clod_height_m`. A ridge of `ridge_height_m` runs under each of
@@ -197,7 +197,7 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     spawn_yaw_map_rad: float = 0.0
     gravity_mps2: float = 9.8
     field_enu_t: Vec3 = (0.0, 3.8e-5, -2.3e-5)  # about what a compass meets at 21 N, 73 E
-    friction_ratio: float = 1.0  # of the ground outside the patches
+    friction_ratio: float = 1.0  # friction of the ground outside the patches
     grip: tuple[GripPatch, ...] = ()
     light: Light = Light()
     ground: tuple[GroundTile, ...] = ()

@@ -31,9 +31,9 @@ from agribot.description.turning import compute_yaw_multiplier
 
 # The packaged robot, whose drive and tyres others are scaled from.
 MASS_KG, RADIUS_M = 5.1122, 0.09
-TINY = 1e-9  # a robot without mass is refused later
+TINY = 1e-9  # least mass in use; a robot without mass is refused later
 SAME_MULTIPLIER = 0.05
-MIN_TORQUE_RATIO = 0.5  # of weight times wheel radius, for each wheel
+MIN_TORQUE_RATIO = 0.5  # least share of weight times wheel radius, for each wheel
 CAMERA_HEIGHT_M, CAMERA_PITCH_RAD = 0.9, math.radians(50.0)
 
 
@@ -78,10 +78,10 @@ def adopt_devices(
         "torque_constant_nmpa": 0.302 * radius_m / RADIUS_M,
         "winding_ohm": 0.299 / max(scale, TINY), "no_load_a": 0.137 * scale,
     }  # fmt: skip
-    told = find_extra(root, "drive", source)
-    if told is not None and list_middle_wheels(joints):
-        _check_multiplier(told, drive["yaw_multiplier"], source)
-    if told is None or "motor_torque_nm" not in told.tags:
+    block = find_extra(root, "drive", source)
+    if block is not None and list_middle_wheels(joints):
+        _check_multiplier(block, drive["yaw_multiplier"], source)
+    if block is None or "motor_torque_nm" not in block.tags:
         drive["gear_efficiency_ratio"] = 0.83
     tyre = {
         "normal_stiffness_npm": 1e4 * scale, "normal_damping_ratio": 0.4,
@@ -113,16 +113,16 @@ def _find_multiplier(joints: Sequence[Joint], half_base_m: float, half_track_m: 
     return compute_yaw_multiplier(arms_m, half_track_m)
 
 
-def _check_multiplier(told: TagBlock, fitting: float, source: SourceFile) -> None:
+def _check_multiplier(block: TagBlock, fitting: float, source: SourceFile) -> None:
     """Warn of a multiplier that does not fit the places of more than four wheels."""
-    if "yaw_multiplier" not in told.tags:
+    if "yaw_multiplier" not in block.tags:
         return
-    written = told.read_positive("yaw_multiplier")
+    written = block.read_positive("yaw_multiplier")
     if abs(written - fitting) > SAME_MULTIPLIER * fitting:
         source.warn(
-            f"{told.what}: <yaw_multiplier> is {written:.4g}; from the places of all wheels it is "
+            f"{block.what}: <yaw_multiplier> is {written:.4g}; from the places of all wheels it is "
             f"{fitting:.4g}; write that, unless it was measured",
-            told.element,
+            block.element,
         )
 
 

@@ -13,7 +13,7 @@ from agribot.description.elements import SourceFile
 
 BASE = "base_link"
 WHEEL_KG, BASE_KG = 1.0, 15.0
-GYRATION_M = 0.2  # of a base without an inertia
+GYRATION_M = 0.2  # radius of a base without an inertia
 
 
 def give_wheel_mass(
@@ -29,7 +29,7 @@ def give_wheel_mass(
     _add_inertial(element, WHEEL_KG, (across, across, turning), compute_axis_rpy(axis))
 
 
-def mend_inertias(root: ET.Element, source: SourceFile) -> None:
+def fix_inertias(root: ET.Element, source: SourceFile) -> None:
     """Give base_link a mass, and links an inertia that is physically possible."""
     base = next(link for link in root.findall("link") if link.get("name") == BASE)
     if base.find("inertial") is None and not _has_mass(root):

@@ -18,9 +18,9 @@ from agribot.core.robot import Joint, Link
 from agribot.description.adopt_masses import (
     BASE,
     compute_axis_rpy,
+    fix_inertias,
     format_numbers,
     give_wheel_mass,
-    mend_inertias,
 )
 from agribot.description.drive_kind import (
     Wheel,
@@ -66,7 +66,7 @@ def adopt_base(root: ET.Element, joints: Sequence[Joint], source: SourceFile) ->
     _rename(root, carrier, BASE)
 
 
-def tell_loose_links(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> None:
+def warn_of_loose_links(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> None:
     """Warn of links that nothing holds; the root of base_link needs no joint."""
     parents = {joint.child: joint.parent for joint in joints}
     top = BASE
@@ -109,7 +109,7 @@ def adopt_wheels(
             give_wheel_mass(element, wheel.joint.axis, size, source)
         radii_m.append(size[0])
     _check_radii(wheels, radii_m, source)
-    mend_inertias(root, source)
+    fix_inertias(root, source)
 
 
 def list_middle_wheels(joints: Sequence[Joint]) -> tuple[str, ...]:

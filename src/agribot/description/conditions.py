@@ -30,7 +30,7 @@ NOTHING = (0.0, 0.0)
 
 
 class Preset(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far things lie apart: 1 sigma where a name says `std`, pairs are drawn between.
+    """Spreads of a world: 1 sigma where a name says `std`, pairs are drawn between.
 
     Rows are off their map by one offset, turn and stretch of the whole field, and each by an
     offset of its own; plants stand about their row.
@@ -41,7 +41,7 @@ class Preset(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     start_yaw_std_deg: NonNegative = 0.0
     soil_classes: tuple[SoilClass, ...] = ("rigid",)
     moisture_ratio: ShareBetween = NOTHING
-    friction_ratio: Between | None = None  # of the ground at large; None: the world's own
+    friction_ratio: Between | None = None  # friction of the ground at large; None: the world's own
     roughness_rms_m: Between = NOTHING
     clods_per_m2: Between = NOTHING
     clod_height_m: Between = NOTHING
@@ -73,7 +73,7 @@ class Preset(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Conditions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a seed drew. Offsets are the truth less the map or the description.
+    """Values that a seed drew. Offsets are the truth less the map or the description.
 
     The field is turned and stretched about `centre_map_m`; `row_offsets_m` are to the left of
     each row, `camera_angles_deg` about the axes of the body, forward, left and up.

@@ -31,8 +31,8 @@ from agribot.description.tags import (
     list_plugin_names,
 )
 
-MOST_RADIUS_M = 3.0  # of a wheel; the largest of tractors have 1.1
-# Where SDF has a default of its own.
+MOST_RADIUS_M = 3.0  # radius of a wheel; the largest of tractors have 1.1
+# Defaults that SDF has itself.
 CAMERA_DEFAULTS = {
     "camera/image/width": 320.0, "camera/image/height": 240.0, "camera/horizontal_fov": 1.047,
     "update_rate": 30.0, "camera/clip/near": 0.1, "camera/clip/far": 100.0,

@@ -120,7 +120,7 @@ def leave_driven(
         rest = f"{_count(driven)} wheels carry the robot"
         source.warn(f"castor '{castor.joint.child}' is not simulated; {rest}")
     _check_number(driven, source)
-    _tell_undriven(root, driven, source)
+    _warn_of_undriven(root, driven, source)
     return driven
 
 
@@ -245,7 +245,7 @@ def _find_left_m(wheel: Wheel) -> float:
     return float(wheel.centre_m[1])
 
 
-def _tell_undriven(root: ET.Element, driven: Sequence[Wheel], source: SourceFile) -> None:
+def _warn_of_undriven(root: ET.Element, driven: Sequence[Wheel], source: SourceFile) -> None:
     """Warn of wheels that the robot's own drive plugin leaves to roll."""
     plugin = find_plugin(root, DRIVE_PLUGINS, source)
     joints = (
@@ -255,10 +255,10 @@ def _tell_undriven(root: ET.Element, driven: Sequence[Wheel], source: SourceFile
     rolling = [wheel for wheel in driven if wheel.joint.name not in named]
     if plugin is None or not 0 < len(rolling) < len(driven):
         return
-    told = f"{plugin.what} does not drive {_name(rolling)}"
+    undriven = f"{plugin.what} does not drive {_name(rolling)}"
     if len(driven) > len(WHEEL_NAMES) > len(driven) - len(rolling):
-        raise source.fail("wheels", f"{told}, which would roll along; {ONLY}; {TO_TRY}")
-    source.warn(f"{told}; here all {_count(driven)} wheels drive")
+        raise source.fail("wheels", f"{undriven}, which would roll along; {ONLY}; {TO_TRY}")
+    source.warn(f"{undriven}; here all {_count(driven)} wheels drive")
 
 
 def _count(wheels: Sequence[Wheel]) -> str:

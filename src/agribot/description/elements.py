@@ -14,7 +14,7 @@ from agribot.core.messages import Vec3
 from agribot.description.markup import find_place
 
 LARGEST = 1e12  # stiffnesses of other simulators reach 1e9
-MOST_FRICTION = 100.0  # more than any surface has
+MOST_FRICTION = 100.0  # largest friction, more than any surface has
 
 
 class FileFinding(NamedTuple):

@@ -1,4 +1,4 @@
-"""From xacro to URDF text, with the real xacro library but without a ROS installation."""
+"""Expansion of xacro to URDF text, with the real xacro library but without a ROS installation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from agribot.description.xacro_arithmetic import bound_arithmetic
 from agribot.description.xacro_dialect import OldDialect, read_utf_8
 from agribot.description.xacro_yaml import bound_yaml
 
-# xacro keeps the files it works on in module variables.
+# Lock of xacro, which keeps the files it works on in module variables.
 _XACRO_LOCK = threading.Lock()
 # Comments and declarations, and the first element.
 _SDF = re.compile(rb"(?:\s*<(?:!--(?:[^-]|-(?!->))*-->|[?!](?!--)[^>]*>))*\s*<sdf[\s>]")

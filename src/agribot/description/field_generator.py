@@ -34,8 +34,8 @@ from agribot.description.field_settings import (
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 
-AROUND_M = 15.0  # of grass beyond the soil
-SOIL_M = 6.0  # beyond the outermost crops
+AROUND_M = 15.0  # width of the grass beyond the soil
+SOIL_M = 6.0  # width of the soil beyond the outermost crops
 PACKAGED = {"beet": 1, "rows-10x12": 1}  # plan -> seed of the worlds that come along
 
 
@@ -149,7 +149,7 @@ def _place_row(plan: FieldSettings, index: int, rng: np.random.Generator) -> Flo
     """Place the crops of a row; return their map positions, (n, 2)."""
     rows, crop = plan.rows, plan.crop
     offset_m = compute_row_offsets_m(rows)[index]
-    stretch = 1.0 + rows.curvature_radpm * offset_m  # of an outer row against the first one
+    stretch = 1.0 + rows.curvature_radpm * offset_m  # stretch of an outer row against the first one
     if stretch <= 0.1:
         raise DescriptionError(
             f"row {index + 1} of field '{plan.name}' is bent too tightly: with curvature "

@@ -14,8 +14,8 @@ from agribot.core.world import Plant
 from agribot.description.field_settings import WeedsSettings
 
 SEEDS = 2**31
-DIGITS = 6  # places are rounded to a micrometre, so that every machine writes the same file
-WEED_STREAM = 4  # of the random streams of a world's seed, beside those of `scatter.py`
+DIGITS = 6  # digits of a place: rounded to a micrometre, so that every machine writes the same file
+WEED_STREAM = 4  # number among the random streams of a world's seed, beside those of `scatter.py`
 
 
 def make_plant(

@@ -31,10 +31,10 @@ class RowsSettings(FieldSection, frozen=True):
     `tramline_every` rows there is `tramline_m` more room (0: no tramlines).
     """
 
-    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6  # how many rows
-    # From the first plant to the last.
+    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6  # number of rows
+    # Distance of the first plant and the last.
     length_m: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
-    pitch_m: Positive = 1.0  # from row to row
+    pitch_m: Positive = 1.0  # distance of neighbouring rows
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # the first plant of the first row
     # Direction of the rows, counter-clockwise from East.
     yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
@@ -51,16 +51,16 @@ class CropSettings(FieldSection, frozen=True):
 
     # One of `sugar_beet`, `lettuce`, `maize`, `carrot`, `onion`, `parsley`.
     species: str = "sugar_beet"
-    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25  # from plant to plant
-    height_m: Positive = 0.2  # of the plants
-    # Of the heights, both ways at most.
+    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25  # distance of neighbouring plants
+    height_m: Positive = 0.2  # height of the plants
+    # Largest deviation of the heights, both ways.
     height_spread_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.1
-    stem_radius_m: NonNegative = 0.02  # where a wheel crushes the plant
+    stem_radius_m: NonNegative = 0.02  # radius within which a wheel crushes the plant
     jitter_m: NonNegative = 0.0  # off its place, both ways at most
-    missing_ratio: Ratio = 0.0  # of the plants that did not come up
+    missing_ratio: Ratio = 0.0  # share of plants that did not come up
     # Stretches where nothing came up, on average.
     gaps_per_row: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
-    gap_length_m: Positive = 1.0  # of such a stretch
+    gap_length_m: Positive = 1.0  # length of such a stretch
 
 
 class WeedsSettings(FieldSection, frozen=True):
@@ -68,16 +68,16 @@ class WeedsSettings(FieldSection, frozen=True):
 
     # Over the field and its margin.
     density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] = 1.5
-    # That grow, as often one as the other.
+    # Species that grow, each as often.
     species: tuple[str, ...] = ("grass", "goosefoot", "thistle", "amaranth")
-    height_min_m: Positive = 0.04  # of the smallest
-    height_max_m: Positive = 0.15  # of the tallest
+    height_min_m: Positive = 0.04  # height of the smallest
+    height_max_m: Positive = 0.15  # height of the tallest
     crop_distance_m: NonNegative = 0.1  # none stands nearer to a crop plant
     margin_m: NonNegative = 0.5  # around the rows, in which weeds grow too
-    cluster_ratio: Ratio = 0.0  # of the weeds that stand in patches
+    cluster_ratio: Ratio = 0.0  # share of the weeds that stand in patches
     # Weeds in a patch, on average.
     cluster_size: Annotated[float, msgspec.Meta(ge=1, le=1000)] = 6.0
-    cluster_radius_m: Positive = 0.3  # of a patch, in which most of it lies
+    cluster_radius_m: Positive = 0.3  # radius of a patch, in which most of it lies
 
 
 class SoilSettings(FieldSection, frozen=True):
@@ -95,7 +95,7 @@ class SoilSettings(FieldSection, frozen=True):
     moisture_ratio: Ratio = 0.0  # 0 dry, 1 saturated
     # Between the tracks of earlier passes; 0: none.
     track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
-    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1  # of one track
+    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1  # width of one track
 
 
 class ReliefSettings(FieldSection, frozen=True):
@@ -107,17 +107,18 @@ class ReliefSettings(FieldSection, frozen=True):
     # Deviation from the plane; 0.006 a seedbed, 0.014 a tilled field, 0.02 a rough one.
     roughness_rms_m: Annotated[float, msgspec.Meta(ge=0, le=0.1)] = 0.0
     clods_per_m2: Annotated[float, msgspec.Meta(ge=0, le=200)] = 0.0  # 25 on a tilled field
-    clod_height_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.03  # of the highest
-    ridge_height_m: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0  # from furrow to crest
-    track_depth_m: Annotated[float, msgspec.Meta(ge=0, le=0.2)] = 0.0  # of the wheel tracks
+    clod_height_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.03  # height of the highest
+    # Height from furrow to crest.
+    ridge_height_m: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
+    track_depth_m: Annotated[float, msgspec.Meta(ge=0, le=0.2)] = 0.0  # depth of the wheel tracks
 
 
 class FieldSettings(FieldSection, frozen=True):
     """A whole field; `boundary` is a GeoJSON polygon beside the file that holds all plants."""
 
-    name: str = "field"  # of the field
+    name: str = "field"  # name of the field
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # the origin of the map on Earth
-    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)  # where the robot is put down
+    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)  # place where the robot is put down
     # Its heading there, counter-clockwise from East.
     spawn_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
     boundary: str = ""  # a GeoJSON polygon beside the file; plants stand inside it only

@@ -32,7 +32,7 @@ def read_joints(root: ET.Element, source: SourceFile) -> tuple[Joint, ...]:
     gears = _read_gear_ratios(root, source)
     links = {element.get("name", "") for element in root.findall("link")}
     joints = []
-    above: dict[str, Joint] = {}  # by the link that hangs on it
+    above: dict[str, Joint] = {}  # joints by the link that hangs on each
     for element in root.findall("joint"):
         with source.attempt(element):
             joint = _read_joint(element, gears, source)
@@ -153,8 +153,8 @@ def _check_size(
     """Refuse what has no room to touch anything; what is only seen may be of no size."""
     least_m = min(sizes_m)
     if least_m < 0.0 or (least_m == 0.0 and part.tag == "collision"):
-        told = " x ".join(f"{size_m:g}" for size_m in sizes_m)
-        raise source.fail(where, f"a size of {told} m; give it one above 0")
+        size = " x ".join(f"{size_m:g}" for size_m in sizes_m)
+        raise source.fail(where, f"a size of {size} m; give it one above 0")
 
 
 def _read_colour(part: ET.Element, palette: dict[str, Rgba], source: SourceFile) -> Rgba:

@@ -14,7 +14,7 @@ from agribot.description.tags import find_sensor, read_tag_value
 
 LIDAR_TYPES = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 LINK = "laser_link"
-HEIGHT_M = 0.3  # over the ground, of a lidar that a setting adds
+HEIGHT_M = 0.3  # height over the ground, of a lidar that a setting adds
 MOST_SAMPLES = 4000
 MOST_RATE_HZ = 100.0
 

@@ -18,7 +18,7 @@ from agribot.description.adopt_wheels import (
     adopt_wheels,
     list_middle_wheels,
     make_names_unique,
-    tell_loose_links,
+    warn_of_loose_links,
 )
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.expansion import expand, is_sdf
@@ -38,14 +38,15 @@ from agribot.description.package import (
     list_robot_files,
     split_arguments,
 )
-from agribot.description.poses import tell_large_angles
+from agribot.description.poses import warn_of_large_angles
 from agribot.description.sdf_robot import read_sdf_robot
-from agribot.description.sensor_places import place_sensors, tell_turned, tell_unread
+from agribot.description.sensor_places import place_sensors, warn_of_turned_sensors, warn_of_unread
 
 SDF, WORLD = ".sdf", ".world"
-# Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
+# Least mass of the body, as a share of the wheels together: a lighter one lacks its mass, and its
+# physics would be unstable.
 MIN_BODY_RATIO = 0.05
-MOST_KG_PER_M2 = 3000.0  # of the ground under it; a tractor has 1500, a tank 2500
+MOST_KG_PER_M2 = 3000.0  # mass over the ground under it; a tractor has 1500, a tank 2500
 
 
 def load_robot(
@@ -127,16 +128,16 @@ def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
     """Complete the tree in place with all links, names and tags that AGRIBOT needs."""
     make_names_unique(root, source)
     adopt_base(root, read_joints(root, source), source)
-    tell_unread(root, source)
+    warn_of_unread(root, source)
     place_sensors(root, source)
-    tell_loose_links(root, read_joints(root, source), source)
+    warn_of_loose_links(root, read_joints(root, source), source)
     adopt_wheels(root, read_links(root, source), read_joints(root, source), source, folder)
     adopt_devices(root, read_links(root, source), read_joints(root, source), source)
 
 
 def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
     refuse_fixture(root, source)
-    tell_large_angles(root, source)
+    warn_of_large_angles(root, source)
     _adopt(root, source, path.parent)
     links = read_links(root, source)
     joints = read_joints(root, source)
@@ -158,7 +159,7 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
         lidar=read_lidar(root, links, source),
         middle_wheels=list_middle_wheels(joints),
     )
-    tell_turned(robot, source)
+    warn_of_turned_sensors(robot, source)
     return msgspec.structs.replace(robot, warnings=source.list_warnings())
 
 

@@ -14,7 +14,7 @@ from agribot.core.xml_text import recode_xml
 _PREFIX = re.compile(rb"(?:</?|\s)([A-Za-z_][\w.-]*):[\w.-]+(?=[\s=/>])")
 _DECLARED = re.compile(rb"\sxmlns:([\w.-]+)\s*=")
 _FIRST_TAG = re.compile(rb"<[A-Za-z_][\w.:-]*")
-# Of XML itself, and of xacro, without whose namespace nothing would be expanded.
+# Prefixes of XML itself, and of xacro, without whose namespace nothing would be expanded.
 _NEVER_DECLARED = {b"xml", b"xmlns", b"xacro"}
 _GAZEBO_NAME = re.compile(rb"</?[\w.-]+(?:::[\w.-]+)+|\s[\w.-]+(?:::[\w.-]+)+(?=\s*=\s*[\"'])")
 

@@ -12,8 +12,8 @@ from agribot.core.messages import FloatArray
 from agribot.core.robot import Shape
 from agribot.core.world import HeightField
 
-LEAST_SIDE_M = 4.0  # of what a robot drives on
-MOST_CELLS = 1025  # on a side
+LEAST_SIDE_M = 4.0  # least side of ground that a robot drives on
+MOST_CELLS = 1025  # cells on a side
 SAME_PLACE_M = 1e-4
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray
 
-FULL_SCALE = 65535.0  # of a picture with 16 bits
+FULL_SCALE = 65535.0  # value of white in a picture with 16 bits
 
 
 def read_grey(path: Path, most_px: int) -> FloatArray:

@@ -8,12 +8,12 @@ from typing import NamedTuple
 from agribot.core.messages import PlantClass
 
 _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
-MOST_SIDE_M = 1.5  # of one plant; what is wider is a row or a field of them
+MOST_SIDE_M = 1.5  # width of one plant; a wider mesh is a row or a field of them
 HEIGHT_LIMITS_M = (0.02, 3.0)
 
 
 class PlantName(NamedTuple):
-    """What a word says: the class, the species that is drawn, its height without a mesh, m."""
+    """Meaning of a word: the class, the species that is drawn, its height without a mesh, m."""
 
     word: str
     plant: PlantClass

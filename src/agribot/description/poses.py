@@ -44,7 +44,7 @@ def _read_quaternion_pose(pose: ET.Element, source: SourceFile, where: str) -> F
     return matrix
 
 
-def tell_large_angles(root: ET.Element, source: SourceFile) -> None:
+def warn_of_large_angles(root: ET.Element, source: SourceFile) -> None:
     """Warn of angles of a URDF beyond a whole turn, which are most likely degrees."""
     for part in (*root.findall("link"), *root.findall("joint")):
         where = f"{part.tag} '{part.get('name')}' <origin rpy>"

@@ -21,8 +21,8 @@ from agribot.core.world import Obstacle, WorldSpec
 from agribot.description.pictures import read_grey
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
-BLACK, WHITE, GREY = 0, 254, 205  # of the picture, as map_saver writes them
-MAX_CELLS = 10_000  # along one side
+BLACK, WHITE, GREY = 0, 254, 205  # levels of the picture, as map_saver writes them
+MAX_CELLS = 10_000  # cells along one side
 
 Cells = npt.NDArray[np.int8]
 

@@ -32,7 +32,7 @@ MOST_SAMPLES = 500  # plants whose neighbours show the directions
 GAP_M = 0.15  # across, from the crop of one row to that of the next
 TURN_DEG = np.arange(-3.0, 3.05, 0.1)  # about a direction of neighbours, in search of the rows'
 LEAST_PITCH_M = 0.3  # plants that stand nearer are of one row
-SAME_PITCH_RATIO = 0.1  # of the pitch: how far the distance of two rows may differ
+SAME_PITCH_RATIO = 0.1  # difference of two row distances as a share of the pitch
 LEAST_LENGTH_M = 1.0
 ALIGNMENTS = 3
 

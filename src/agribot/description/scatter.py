@@ -16,7 +16,7 @@ from agribot.description.elements import SourceFile
 from agribot.description.plant_names import NamedPlant
 from agribot.description.sdf_models import qualify_tag
 
-MAX_DRAWS = 200  # of a place for one weed, before the field counts as full
+MAX_DRAWS = 200  # draws of a place for one weed, before the field counts as full
 SEEDS = 2**31
 
 

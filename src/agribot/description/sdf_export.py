@@ -31,7 +31,7 @@ COLOURS = {
     "gravel": "0.5 0.48 0.45 1", "track": "0.38 0.3 0.23 1",
 }  # fmt: skip
 SUN_DISTANCE_M = 10.0
-SKIN = "walk.dae"  # of Gazebo's own media
+SKIN = "walk.dae"  # mesh of Gazebo's own media
 LAYER_M = 0.002  # one surface over the other, so that they do not flicker in other simulators
 
 

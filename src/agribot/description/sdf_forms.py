@@ -13,7 +13,7 @@ from agribot.core.robot import Shape
 from agribot.description.elements import SourceFile
 from agribot.description.poses import to_origin
 
-# From a form, `model_from_form` (4, 4), its file and a name for errors: what stands for it.
+# Reader of a form from its element, `model_from_form` (4, 4), its file and a name for errors.
 ReadForm = Callable[[ET.Element, FloatArray, SourceFile, str], tuple[str, list[Shape]]]
 
 

@@ -29,8 +29,8 @@ from agribot.description.sdf_library import ModelLibrary, parse_mesh_folder
 
 NAMESPACE = "urn:agribot:sdf"
 FLAT_M = 0.11  # boxes up to this thick count as ground when they name a surface
-MAX_DEPTH = 8  # of models that include models
-STAND_IN_M = (1.0, 1.0, 1.0)  # in the place of an absent mesh of scale 1
+MAX_DEPTH = 8  # depth of models that include models
+STAND_IN_M = (1.0, 1.0, 1.0)  # size of the box in place of an absent mesh of scale 1
 SURFACE_WORDS = {
     "soil": "soil", "field": "soil", "dirt": "soil", "grass": "grass", "pavement": "pavement",
     "tarmac": "pavement", "asphalt": "pavement", "road": "pavement", "grey": "pavement",

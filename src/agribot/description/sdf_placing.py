@@ -35,7 +35,7 @@ class _FoundModel(NamedTuple):
     name: str
     kind: str
     element: ET.Element
-    placed: ET.Element  # that the world places: the model, or its <include>
+    placed: ET.Element  # element that the world places: the model, or its <include>
 
 
 class WorldModels:

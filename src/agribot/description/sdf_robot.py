@@ -19,7 +19,7 @@ from agribot.description.poses import read_pose, to_origin
 from agribot.description.sdf_frames import OWN, FrameScope
 from agribot.description.sdf_library import ModelLibrary
 
-ENDLESS = 1e12  # from this value on a limit counts as absent, as in Gazebo's files
+ENDLESS = 1e12  # value from which on a limit counts as absent, as in Gazebo's files
 SAME_PLACE = 1e-6  # m, and of the axes, between a sensor and a frame
 KINDS = ("continuous", "revolute", "prismatic", "fixed")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -106,8 +106,8 @@ class _Model:
     def _add_shape(self, urdf: ET.Element, part: ET.Element, moved: FloatArray, where: str) -> None:
         forms = [form for form in part.iterfind("geometry/*") if form.tag in SHAPES]
         if not forms:
-            told = ", ".join(form.tag for form in part.iterfind("geometry/*")) or "nothing"
-            self._source.warn(f"{where}: a {part.tag} of {told} is left out", part)
+            kinds = ", ".join(form.tag for form in part.iterfind("geometry/*")) or "nothing"
+            self._source.warn(f"{where}: a {part.tag} of {kinds} is left out", part)
             return
         element = ET.SubElement(urdf, part.tag, {"name": _name(part)})
         _add_origin(element, moved @ read_pose(part, self._source, where))
@@ -181,8 +181,8 @@ class _Model:
     def _add_axis(self, urdf: ET.Element, joint: ET.Element, where: str) -> None:
         text = self._text(joint, "axis/xyz", "0 0 1")
         axis = np.array(self._source.parse_vec3(text, f"{where} <axis>"))
-        told = joint.find("axis/xyz")
-        frame = "" if told is None else told.get("expressed_in", "")
+        element = joint.find("axis/xyz")
+        frame = "" if element is None else element.get("expressed_in", "")
         if frame:
             model_from_axis = self._scope.find_frame(frame, _name(joint))
             model_from_joint = self._frames[self._text(joint, "child")]

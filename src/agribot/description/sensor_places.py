@@ -26,13 +26,13 @@ READ = {
     "gpu_lidar": "lidar",
 }  # fmt: skip
 OFFSET_TAGS = ("xyzoffset", "rpyoffset")
-# Of plugins whose work is done here otherwise.
+# Plugins whose work is done here otherwise.
 READ_PLUGINS = (
     *DRIVE_PLUGINS, *IMU_PLUGINS, *GNSS_PLUGINS, *MAG_PLUGINS, "camera", "control",
     "laser", "ray_sensor",
     "joint_state", "joint-state", "pose-publisher", "odometry-publisher", "p3d", "ground_truth",
 )  # fmt: skip
-TURNED_RAD = 0.01  # more than a mount is described to
+TURNED_RAD = 0.01  # angle beyond the accuracy of a mount's description
 
 
 def place_sensors(root: ET.Element, source: SourceFile) -> None:
@@ -89,7 +89,7 @@ def _choose_free_name(root: ET.Element, name: str) -> str:
     return name
 
 
-def tell_unread(root: ET.Element, source: SourceFile) -> None:
+def warn_of_unread(root: ET.Element, source: SourceFile) -> None:
     """Name the sensors and plugins of a robot that are not read."""
     first: dict[str, str] = {}
     for _link, block in iterate_gazebo_blocks(root):
@@ -103,10 +103,10 @@ def tell_unread(root: ET.Element, source: SourceFile) -> None:
                     f"{what} '{name}' is not simulated; '{first[what]}' is the robot's", sensor
                 )
         for plugin in block.iter("plugin"):
-            _tell_plugin(plugin, source)
+            _warn_of_plugin(plugin, source)
 
 
-def _tell_plugin(plugin: ET.Element, source: SourceFile) -> None:
+def _warn_of_plugin(plugin: ET.Element, source: SourceFile) -> None:
     file = plugin.get("filename", "")
     words = f"{file} {plugin.get('name', '')}".lower()
     if not any(word in words for word in READ_PLUGINS):
@@ -117,7 +117,7 @@ def _tell_plugin(plugin: ET.Element, source: SourceFile) -> None:
             source.warn(f"plugin '{file}': <{tag.tag}> {tag.text} is not read", tag)
 
 
-def tell_turned(robot: RobotSpec, source: SourceFile) -> None:
+def warn_of_turned_sensors(robot: RobotSpec, source: SourceFile) -> None:
     """Name an IMU and a magnetometer whose axes are not the body's."""
     for what, mount in (("IMU", robot.imu), ("magnetometer", robot.mag)):
         if mount is None:

@@ -15,9 +15,9 @@ from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import Plant
 from agribot.description.conditions import Conditions, Preset, make_condition_stream
 
-DOUBLE_GAP_M = (0.02, 0.06)  # between the plants of a double one, along the row
-WEED_GAP_M = 0.04  # between a weed's stem and a crop's
-TRIES = 20  # to find a weed a place off the crops
+DOUBLE_GAP_M = (0.02, 0.06)  # distance of the plants of a double one, along the row
+WEED_GAP_M = 0.04  # distance of a weed's stem from a crop's
+TRIES = 20  # tries to find a weed a place off the crops
 WEED_GROWTH = (0.7, 1.3)
 SEEDS = 2**31
 
@@ -46,7 +46,7 @@ def _sow_crops(
     kept &= ~np.isin(of_row, drawn.rows_missing)
     kept &= ~_find_gaps(of_row, along_m, preset, rng)
     if not kept.any():
-        kept[0] = True  # of a field without a single plant nothing could be said
+        kept[0] = True  # a field without a single plant shows nothing
     errors_m = np.clip(rng.standard_normal((len(crops), 2)), -3.0, 3.0)
     errors_m *= (preset.sowing_along_std_m, preset.sowing_across_std_m)
     doubles = rng.uniform(size=len(crops)) < preset.double_ratio
@@ -64,7 +64,7 @@ def _sow_crops(
 
 
 class _Hill(NamedTuple):
-    """Where the map has a plant: the index of its row, how far along, and the row's yaw there."""
+    """Place of a plant in the map: its row's index, the distance along, the row's yaw there."""
 
     row: int
     along_m: float

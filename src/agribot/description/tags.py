@@ -22,7 +22,7 @@ class TagBlock:
     """The numbers inside one element; `what` names it in error messages."""
 
     def __init__(self, element: ET.Element, what: str, source: SourceFile, link: str = "") -> None:
-        self.link = link  # that the surrounding <gazebo reference> names
+        self.link = link  # link that the surrounding <gazebo reference> names
         self.what = what
         self.element = element
         self._source = source

@@ -22,8 +22,8 @@ from agribot.core.world import HeightField
 from agribot.description.package import ROOT
 from agribot.description.pictures import FULL_SCALE, read_grey
 
-MAX_SAMPLES = 4097  # along one side
-# Where the arcs of the hills' crop rows have their centre, North and West of the heights' middle.
+MAX_SAMPLES = 4097  # samples along one side
+# Centre of the arcs of the hills' crop rows, North and West of the heights' middle.
 HILL_TOP_XY_M = (-4.0, 3.0 - 1.0 + 1.0 / 0.03)
 SWELL_M = 0.5
 # The errors of numpy.load on damaged files; it takes some for archives and some for Python 2's.

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ET
 
 from agribot.description.elements import SourceFile
 
-BASE_SENSORS = ("gps", "navsat")  # of a base station
-# Of world plugins whose work is done here otherwise.
+BASE_SENSORS = ("gps", "navsat")  # sensors of a base station
+# World plugins whose work is done here otherwise.
 READ_PLUGINS = (
     "physics", "user-commands", "user_commands", "scene-broadcaster", "sensors-system",
     "imu-system", "navsat-system", "magnetometer-system", "contact-system", "gazebo_ros_init",
@@ -15,7 +15,7 @@ READ_PLUGINS = (
 )  # fmt: skip
 
 
-def tell_unread_parts(model: ET.Element, name: str, source: SourceFile) -> None:
+def warn_of_unread_parts(model: ET.Element, name: str, source: SourceFile) -> None:
     """Name the sensors and the moving joints of a model, which stands still."""
     for sensor in model.iter("sensor"):
         kind = sensor.get("type", "").lower()
@@ -33,7 +33,7 @@ def tell_unread_parts(model: ET.Element, name: str, source: SourceFile) -> None:
         )
 
 
-def tell_unread_systems(world: ET.Element, source: SourceFile) -> None:
+def warn_of_unread_systems(world: ET.Element, source: SourceFile) -> None:
     """Name the wind and the plugins of a world."""
     for wind in world.findall("wind/linear_velocity"):
         if any(number.strip("-+0.") for number in (wind.text or "").split()):

@@ -43,11 +43,11 @@ from agribot.description.sdf_models import HeightMap, ModelParts, Patch, measure
 from agribot.description.sdf_placing import GROUND_M, PlacedModel, WorldModels, is_ground, is_robot
 from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, make_volcano, place_heights
-from agribot.description.unread_world import tell_unread_parts, tell_unread_systems
+from agribot.description.unread_world import warn_of_unread_parts, warn_of_unread_systems
 
-START_M = 3.0  # from the start to the first plant, in a world that states no start
+START_M = 3.0  # distance of the start from the first plant, in a world that states no start
 STEM_M = 0.02  # radius of the stem of a plant that only a name speaks of
-CLEAR_M = 2.0  # between the robot's start and the middle of a box in an absent model's place
+CLEAR_M = 2.0  # distance of the robot's start from the middle of a box in an absent model's place
 
 
 def list_worlds() -> list[str]:
@@ -145,7 +145,7 @@ class _WorldReader:
                 continue
             with self._source.attempt(model.element):
                 self._take_model(model)
-        tell_unread_systems(self._world, self._source)
+        warn_of_unread_systems(self._world, self._source)
         areas = read_weed_areas(self._world, self._source)
         plants = grow_plants(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
@@ -199,7 +199,7 @@ class _WorldReader:
             return
         if find_place(model.element)[1] == 0:
             self._stand_ins.add(model.name)
-        tell_unread_parts(model.element, model.name, self._source)
+        warn_of_unread_parts(model.element, model.name, self._source)
         parts = read_parts(model.element, self._source, self._library)
         if self._take_named_plants(model, parts):
             return

@@ -10,9 +10,9 @@ from typing import Any
 import xacro
 import xacro.substitution_args as substitution
 
-MAX_BITS = 4096  # of a whole number; those of robots have about 50
-MAX_ITEMS = 100_000  # of a text or list that is repeated
-MAX_EXPONENT = 64  # that $(eval ...) may write
+MAX_BITS = 4096  # bits of a whole number; those of robots have about 50
+MAX_ITEMS = 100_000  # length of a text or list that is repeated
+MAX_EXPONENT = 64  # exponent that $(eval ...) may write
 
 
 def raise_to_power(base: Any, exponent: Any) -> Any:

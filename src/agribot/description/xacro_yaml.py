@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-MAX_NODES = 100_000  # with every alias written out; files of robots have about 1000
+MAX_NODES = 100_000  # nodes with every alias written out; files of robots have about 1000
 
 
 class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc]

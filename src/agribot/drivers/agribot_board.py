@@ -53,10 +53,11 @@ from agribot.drivers.uri_options import UriOptions
 
 POLLS_PER_QUESTION = 10  # a board that did not answer is asked again
 MOST_COUNTPS, MOST_FULL_COUNTPS = 32767, 65535
-SUPPLY_V = 24.0  # of the motors' full speed, and where no battery is measured
+SUPPLY_V = 24.0  # supply of the motors' full speed, and the default without a measured battery
 WRAP_US = 1 << 32
 WRAP_SPAN_US = 60_000_000  # a clock that goes back from its last minute to its first wrapped around
-USB_V = 6.0  # less feeds no motor: the board runs on its USB line, and has no battery
+# Least voltage that feeds motors; below it the board runs on its USB line, and has no battery.
+USB_V = 6.0
 TOOL_OUTPUTS = 8
 _HOW = (
     "measure the counts (agribot board show), read the full speed from the data sheet, and keep "
@@ -101,12 +102,12 @@ class AgribotBoard:
 
     @property
     def lost(self) -> int:
-        """How many frames of the board were lost since its line was opened."""
+        """Frames of the board that were lost since its line was opened."""
         return self._decoder.lost + self._decoder.bad
 
     @property
     def broken(self) -> int:
-        """How many frames were broken on their way from the board, or to it."""
+        """Frames that were broken on their way from the board, or to it."""
         return self._decoder.bad + self._broken_commands
 
     def open(self) -> bytes:
@@ -210,8 +211,8 @@ class AgribotBoard:
         if self._motors is None:
             return None, ()
         supply_v = state.battery_v if state.battery_v > USB_V else SUPPLY_V
-        told = supply_v, state.duty_ratio, speeds_radps, state.current_a
-        return self._motors.torques_nm(*told), self._motors.update(1e-6 * state.t_us, *told)
+        measured = supply_v, state.duty_ratio, speeds_radps, state.current_a
+        return self._motors.torques_nm(*measured), self._motors.update(1e-6 * state.t_us, *measured)
 
     def _read_imu(self, imu: BoardImu) -> StampedReport:
         sample, field = read_board_imu(imu, self._axes, self._mag_count)

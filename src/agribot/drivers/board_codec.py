@@ -21,7 +21,7 @@ from agribot.drivers.board_protocol import (
     list_fields,
 )
 
-LONGEST_FRAME = 254  # with CRC and before stuffing: one code byte more, never two
+LONGEST_FRAME = 254  # bytes with CRC and before stuffing: one code byte more, never two
 HEAD_BYTES, CRC_BYTES = 2, 2
 _LETTERS = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
 _LIMITS = {
@@ -65,7 +65,7 @@ def unstuff(data: bytes) -> bytes | None:
 
 
 class MessageFormat:
-    """How one message is packed: its struct, and the way of each field to and from it."""
+    """Format of one message: its struct, and the way of each field to and from it."""
 
     def __init__(self, message: type[BoardMessage]) -> None:
         self.message, self.fields = message, list_fields(message)

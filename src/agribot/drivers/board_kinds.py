@@ -18,7 +18,8 @@ from agribot.drivers.schemes import BASE, CAN, SourceUri, read_uri
 from agribot.drivers.stream_sources import read_address
 from agribot.drivers.uri_options import UriOptions
 
-MakeBoard = Callable[..., MotorBoard]  # of `RobotSpec` and `UriOptions`, and of `settings`
+# Maker of a board from `RobotSpec` and `UriOptions`, and `settings`.
+MakeBoard = Callable[..., MotorBoard]
 
 
 class BoardLine(NamedTuple):

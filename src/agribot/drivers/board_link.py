@@ -37,7 +37,7 @@ CLEARING_S = 2.0
 # A board that speaks first has missed ten of its words: it hung or begins anew, and its bootloader
 # must hear nothing. A watchdog resets it 0.12 s after its last one.
 HUSH_S = 0.1
-# What a board said before its line was opened may come within the first milliseconds after that.
+# Time after opening a line in which bytes from before may still come.
 SURE_S = 0.05
 
 
@@ -61,7 +61,7 @@ class BoardLink:
 
     @property
     def uncertainty_s(self) -> float:
-        """How far the times of reports may be off."""
+        """Error of the times of reports."""
         return self._queue.uncertainty_s
 
     @property
@@ -168,8 +168,8 @@ def _join_untimed(reports: Sequence[StampedReport]) -> Iterator[StampedReport]:
             yield stamped
         else:
             parts = msgspec.structs.asdict(stamped.report)
-            told = {name: part for name, part in parts.items() if part is not None}
-            untimed.setdefault(stamped.report.imu is not None, {}).update(told)
+            known = {name: part for name, part in parts.items() if part is not None}
+            untimed.setdefault(stamped.report.imu is not None, {}).update(known)
     yield from (StampedReport(0.0, BoardReport(**parts)) for parts in untimed.values())
 
 

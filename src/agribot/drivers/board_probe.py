@@ -24,11 +24,11 @@ from agribot.drivers.imu_devices import ASK_AGAIN_S, BEGINS_S
 LONGEST_LINE = 200
 PATIENCE_S = 5.0  # a bootloader lets the program begin after one
 BAUDS = {BoardKind.MOTOR: 250_000, BoardKind.IMU: 57_600}
-_LINE = re.compile(rb"A-?\d+B-?\d+C-?\d+D")  # of an IMU board that was not asked
+_LINE = re.compile(rb"A-?\d+B-?\d+C-?\d+D")  # line of an IMU board that speaks by itself
 
 
 class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board is, and its last words; None of what it did not say."""
+    """A found board, and its last words; None of what it did not say."""
 
     version: BoardVersion
     state: BoardState | None = None
@@ -41,7 +41,7 @@ class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BoardListener:
-    """What a board says on a line that was just opened, and what it may be asked.
+    """Listener to a board on a line that was just opened, with the questions that it may be asked.
 
     Nothing is sent to what is silent: it may be a board in its bootloader. An IMU board that was
     asked goes on in frames.
@@ -54,7 +54,7 @@ class BoardListener:
         self._speaks = False
         self._said: dict[type[BoardMessage], BoardMessage] = {}
         self.has_printed = self.has_framed = False
-        self.bytes = 0  # that came in all
+        self.bytes = 0  # bytes received in all
 
     def feed(self, data: bytes) -> None:
         """Take what came, which may be nothing."""
@@ -127,7 +127,7 @@ class BoardProbe:
 
     @property
     def bytes(self) -> int:
-        """How many came in all."""
+        """Count of bytes that came in all."""
         return self._board.bytes
 
 
@@ -140,7 +140,7 @@ def describe_board(found: FoundBoard) -> str:
             f"of another table of messages (layout {version.layout:#06x}); flash it: agribot board "
             f"flash {version.board.name.lower()}"
         )
-        return ", ".join(words)  # what it says besides means something else there
+        return ", ".join(words)  # any other answer means something else there
     if found.state is not None:
         words += _describe_state(found.state)
     if found.imu is not None:

@@ -10,9 +10,9 @@ from agribot.core.errors import ConfigError
 from agribot.drivers.board_protocol import BoardKind
 from agribot.drivers.line_holders import find_holders
 
-PACKAGED = Path(__file__).parents[1] / "programs"  # of an installed agribot
+PACKAGED = Path(__file__).parents[1] / "programs"  # folder of an installed agribot
 SOURCES = Path(__file__).parents[3] / "firmware" / "prebuilt"
-FLASH_BAUD = 115_200  # of the bootloader of a Mega
+FLASH_BAUD = 115_200  # speed of a Mega's bootloader
 FLASH_S = 120.0
 
 

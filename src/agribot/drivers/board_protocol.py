@@ -21,12 +21,12 @@ import msgspec
 from agribot.core.messages import Four, Vec3
 
 PROTOCOL = 1
-BAUD = 250_000  # which 16 MHz divide without an error
+BAUD = 250_000  # speed that 16 MHz divide without an error
 TELEMETRY_HZ = 100
 COMMAND_TIMEOUT_S = 0.3  # longest time without a command before wheels and tool go off
 CLEAR_KEY = 0x5AFE
 GRAVITY_MPS2 = 9.80665
-# What the boards set the MPU-9250 to, and the 16 bits of its AK8963.
+# Ranges of the MPU-9250 as the boards set it, and the 16 bits of its AK8963.
 ACCEL_RANGE_G, GYRO_RANGE_DPS, MAG_LSB_T = 4.0, 500.0, 0.15e-6
 
 Sender = Literal["host", "board"]
@@ -35,7 +35,7 @@ FourInts = tuple[int, int, int, int]
 
 
 class Wire(NamedTuple):
-    """How a field crosses: `length` numbers of a kind, each times `scale` is the field's unit."""
+    """Encoding of a field: `length` numbers of a kind, each times `scale` is the field's unit."""
 
     kind: Kind
     length: int = 1
@@ -44,10 +44,10 @@ class Wire(NamedTuple):
 
 
 class BoardFlag(IntFlag):
-    """How a board is now."""
+    """State of a board."""
 
-    ESTOP_PRESSED = 1 << 0  # or its wire is broken
-    BUMPER_PRESSED = 1 << 1  # or its wire is broken
+    ESTOP_PRESSED = 1 << 0  # pressed, or its wire is broken
+    BUMPER_PRESSED = 1 << 1  # pressed, or its wire is broken
     STOP_LATCHED = 1 << 2  # until ClearLatch
     NO_COMMAND = 1 << 3  # for COMMAND_TIMEOUT_S
     NOT_CONFIGURED = 1 << 4  # no BoardConfig since the board began
@@ -61,7 +61,7 @@ class BoardFlag(IntFlag):
 
 
 class StopCause(IntFlag):
-    """What latched the stop; all that happened since it was cleared."""
+    """Causes of the latched stop, all since it was cleared."""
 
     BEGAN = 1 << 0  # the board was switched on or reset
     ESTOP = 1 << 1
@@ -72,7 +72,7 @@ class StopCause(IntFlag):
 
 
 class AckResult(IntEnum):
-    """What became of a message that is answered."""
+    """Result of a message that is answered."""
 
     DONE = 0
     BAD_LENGTH = 1
@@ -83,7 +83,7 @@ class AckResult(IntEnum):
 
 
 class BoardKind(IntEnum):
-    """Which of the boards it is."""
+    """Kind of a board."""
 
     MOTOR = 1
     IMU = 2
@@ -121,7 +121,7 @@ class AskVersion(BoardMessage, frozen=True, kw_only=True):
 
 
 class BoardConfig(BoardMessage, frozen=True, kw_only=True):
-    """How this robot's motor board works; answered. Without it the wheels do not turn.
+    """Settings of this robot's motor board; answered. Without them the wheels do not turn.
 
     `full_speed_countps` is what the motors reach without load; `kp_ratio` is duty per speed error,
     both as shares of full: above 2 a wheel in the air shakes. `ti_s` is the integral's time.
@@ -166,7 +166,7 @@ class BoardState(BoardMessage, frozen=True, kw_only=True):
 
 
 class BoardVersion(BoardMessage, frozen=True, kw_only=True):
-    """What the board is; `layout` is that of its table, and must be LAYOUT."""
+    """Version of the board; `layout` is that of its table, and must be LAYOUT."""
 
     number: ClassVar[int] = 0x82
     sender: ClassVar[Sender] = "board"
@@ -195,7 +195,7 @@ class BoardImu(BoardMessage, frozen=True, kw_only=True):
 
 
 class BoardAck(BoardMessage, frozen=True, kw_only=True):
-    """What became of the message of this type and sequence number."""
+    """Result of the message of this type and sequence number."""
 
     number: ClassVar[int] = 0x84
     sender: ClassVar[Sender] = "board"

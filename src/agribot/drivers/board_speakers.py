@@ -11,8 +11,8 @@ from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.rosserial import STRING, RosserialHost
 
 FRAMES_S = 1.5  # a board of ours that reported its version goes on in frames within that
-ANSWER_S = 4.0  # a board is asked after two seconds, and again after one; nothing then is no answer
-LISTEN_S = 3.0  # to the topics of a rosserial device
+ANSWER_S = 4.0  # time for an answer: a board is asked after two seconds, and again after one
+LISTEN_S = 3.0  # time for the topics of a rosserial device
 _PACKET = re.compile(rb"\xff\xfe(..)(.)", re.DOTALL)
 
 
@@ -50,7 +50,7 @@ class BoardSpeaker:
     def answer(self, baud: int) -> LineAnswer:
         found = self._board.find()
         if found is not None:
-            return _tell_board(found, baud)
+            return _describe_board(found, baud)
         if self._publisher.is_heard:
             return self._publisher.answer(baud)
         if self._board.has_printed:
@@ -66,7 +66,7 @@ class BoardSpeaker:
         )  # fmt: skip
 
 
-def _tell_board(found: FoundBoard, baud: int) -> LineAnswer:
+def _describe_board(found: FoundBoard, baud: int) -> LineAnswer:
     version, is_motor = found.version, found.version.board is BoardKind.MOTOR
     flags = found.state.flags if found.state else found.imu.flags if found.imu else BoardFlag(0)
     has_imu = found.imu is not None and BoardFlag.IMU_FAULT not in flags

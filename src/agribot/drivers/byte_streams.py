@@ -32,7 +32,7 @@ HOST_HELP = (
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
 
 
-# What pyserial lets through when a line does not know a speed; Windows has no termios.
+# Errors of pyserial where a line does not know a speed; Windows has no termios.
 _BAUD_ERRORS: tuple[type[Exception], ...] = (ValueError,)
 with contextlib.suppress(ImportError):
     import termios
@@ -98,7 +98,7 @@ class SerialStream:
         errors: tuple[type[Exception], ...] = (serial.SerialException, *_BAUD_ERRORS)
         try:
             self._port.baudrate = baud
-            self._port.reset_input_buffer()  # what came at the old one makes no sense
+            self._port.reset_input_buffer()  # bytes of the old speed make no sense
         except errors as error:
             raise OSError(errno.EIO, f"{baud} baud: {error}") from error
 
@@ -120,7 +120,7 @@ class TcpStream:
     """A TCP connection. Raises: OSError: no program answers there."""
 
     def __init__(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
-        """With `tls` the connection is encrypted, and the other end proves that it is `host`."""
+        """Connect; with `tls` encrypted, and the other end proves that it is `host`."""
         try:
             self._socket = socket.create_connection((host, port), timeout=LONGEST_WAIT_S)
         except UnicodeError as error:  # an empty label, as of two dots, or one of over 63 letters
@@ -155,7 +155,7 @@ class StreamReader:
     """Reads a line in a thread of its own until it is closed.
 
     `on_bytes(data, arrived_s)` gets what came, in that thread, and with `hears_silence` also that
-    nothing came for POLL_S; `on_open(stream)` may write what the device needs first. `tell`
+    nothing came for POLL_S; `on_open(stream)` may write what the device needs first. `notify`
     gets each loss and each return, once.
     """
 
@@ -165,7 +165,7 @@ class StreamReader:
         open_stream: OpenStream,
         on_bytes: Callable[[bytes, float], None],
         now_s: Callable[[], float],
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         on_open: Callable[[ByteStream], None] = lambda stream: None,
         *,
         hears_silence: bool = False,
@@ -175,7 +175,7 @@ class StreamReader:
         Raises: ConfigError: the line cannot be opened now.
         """
         self._name, self._open_stream, self._on_bytes = name, open_stream, on_bytes
-        self._now_s, self._tell, self._on_open = now_s, tell, on_open
+        self._now_s, self._notify, self._on_open = now_s, notify, on_open
         self._hears_silence = hears_silence
         self._ended = threading.Event()
         self._holds_stream = threading.Lock()  # a descriptor that is written to is not closed
@@ -227,7 +227,7 @@ class StreamReader:
                 data = stream.read()
             except OSError as error:
                 self._let_go()
-                self._tell(f"{self._name} is lost: {error.strerror or error}; trying again")
+                self._notify(f"{self._name} is lost: {error.strerror or error}; trying again")
             else:
                 if data or self._hears_silence:
                     self._on_bytes(data, self._now_s())
@@ -241,6 +241,6 @@ class StreamReader:
             except OSError:
                 wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
                 continue
-            self._tell(f"{self._name} is back")
+            self._notify(f"{self._name} is back")
             return self._stream
         return None

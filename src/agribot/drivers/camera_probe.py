@@ -8,15 +8,15 @@ import time
 from typing import Any, NamedTuple
 
 LIMIT_S = 8.0  # longest wait for a driver that hangs
-PICTURES = 8  # whose times are measured, after the first
+PICTURES = 8  # pictures whose times are measured, after the first
 
 
 class CameraAnswer(NamedTuple):
-    """`told_hz` is what the driver says, 0 where it does not; `rate_hz` was measured."""
+    """`stated_hz` is what the driver says, 0 where it does not; `rate_hz` was measured."""
 
     width_px: int
     height_px: int
-    told_hz: float
+    stated_hz: float
     rate_hz: float
 
 
@@ -54,9 +54,9 @@ def _take(cv2: Any, path: str) -> CameraAnswer | OSError:
             count += 1
         passed_s = time.monotonic() - begun_s
         height, width = picture.shape[:2]
-        told_hz = float(capture.get(cv2.CAP_PROP_FPS))
+        stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
         rate_hz = count / passed_s if count and passed_s > 0.0 else 0.0
-        return CameraAnswer(width, height, told_hz, rate_hz)
+        return CameraAnswer(width, height, stated_hz, rate_hz)
     except cv2.error as error:
         return OSError(str(error))
     finally:

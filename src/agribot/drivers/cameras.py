@@ -29,10 +29,11 @@ from agribot.drivers.uri_options import UriOptions
 
 MOST_WAITING = 4  # pictures not yet taken; a loop that stands still keeps no more
 CLOSING_S = 2.0  # a driver that hangs keeps no program from ending
-# From the middle of the exposure until the picture is there, at least.
+# Least time from the middle of the exposure until the picture is there.
 LATENCY_S = {"v4l2": 0.05, "rtsp": 0.2, "video": 0.0, "pipe": 0.05}
 PIPE_ERROR_CHARS = 200
-# For what a program said before it ended; one that it started may hold its error output open.
+# Time for the last output of a program that ended; one that it started may hold its error output
+# open.
 LAST_WORDS_S = 2.0
 SAME_ASPECT = 0.01
 
@@ -129,8 +130,8 @@ class PipeGrabber:
             status = self._program.wait()
             self._listener.join(LAST_WORDS_S)
             said = self._said.decode(errors="replace").strip().splitlines()
-            told = f": {said[-1]}" if said else ""
-            raise OSError(f"its program ended with status {status}{told}")
+            last_words = f": {said[-1]}" if said else ""
+            raise OSError(f"its program ended with status {status}{last_words}")
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)
 
     def close(self) -> None:
@@ -156,7 +157,7 @@ class CameraSource:
     sensor: Sensor = "frames"
 
     def __init__(
-        self, name: str, open_grabber: Callable[[], Grabber], tell: Callable[[str], None],
+        self, name: str, open_grabber: Callable[[], Grabber], notify: Callable[[str], None],
         latency_s: float = 0.0,
     ) -> None:  # fmt: skip
         """Open the camera and begin to grab.
@@ -164,7 +165,7 @@ class CameraSource:
         Raises: ConfigError: it cannot be opened now.
         """
         self.name = name
-        self._open_grabber, self._tell = open_grabber, tell
+        self._open_grabber, self._notify = open_grabber, notify
         self._frames: SampleQueue[CameraFrame] = SampleQueue(
             latency_s=latency_s, longest=MOST_WAITING
         )
@@ -215,7 +216,7 @@ class CameraSource:
         grabber.close()
         self._grabber = None
         if not self._ended.is_set():
-            self._tell(f"camera from {self.name} is lost: {error}; trying again")
+            self._notify(f"camera from {self.name} is lost: {error}; trying again")
 
     def _open_again(self, wait_s: float) -> Grabber | None:
         if self._ended.wait(wait_s):
@@ -224,7 +225,7 @@ class CameraSource:
             self._grabber = self._open_grabber()
         except OSError:
             return None
-        self._tell(f"camera from {self.name} is back")
+        self._notify(f"camera from {self.name} is back")
         return self._grabber
 
 

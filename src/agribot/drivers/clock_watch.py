@@ -10,7 +10,7 @@ from agribot.core.messages import DeviceNote
 from agribot.core.stamp_clock import WINDOW_S
 
 UNSURE_S = 0.02  # capture times that are off by more are reported
-PERIOD_S = 1.0  # between two looks
+PERIOD_S = 1.0  # time between two looks
 
 
 class ClockWatch:
@@ -23,7 +23,7 @@ class ClockWatch:
         self._name, self._uncertainty_s = name, uncertainty_s
         self._next_s = -math.inf
         self._known_s = math.inf  # when it was first known
-        self._is_told = self._is_unsure = False
+        self._is_reported = self._is_unsure = False
 
     def update(self, t_s: float) -> tuple[DeviceNote, ...]:
         """Note what has changed at a time."""
@@ -34,10 +34,10 @@ class ClockWatch:
         if not math.isfinite(unsure_s):
             return ()
         self._known_s = min(self._known_s, t_s)
-        if t_s - self._known_s < WINDOW_S:  # of the first few messages little follows
+        if t_s - self._known_s < WINDOW_S:  # the first few messages say little
             return ()
         is_unsure = unsure_s > UNSURE_S
-        if self._is_told and is_unsure == self._is_unsure:
+        if self._is_reported and is_unsure == self._is_unsure:
             return ()
         self._is_told, self._is_unsure = True, is_unsure
         unsure = TimesUnsure(self._name, unsure_s, UNSURE_S)

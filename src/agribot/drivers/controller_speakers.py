@@ -23,7 +23,7 @@ from agribot.drivers.vesc_packets import (
 
 FW_VERSION, PING_CAN = 0, 62
 ASK_AGAIN_S = 1.0
-PING_S = 4.0  # a controller tries all 255 ids of its CAN bus, one after the other
+PING_S = 4.0  # time in which a controller tries all 255 ids of its CAN bus
 ODRIVE_S, FLUSH_S = 1.0, 0.2
 NO_PROPERTY = "invalid property"
 MUST_REPORT = "--set 'safety.must_report=[\"motors\"]'"
@@ -72,8 +72,8 @@ class VescSpeaker:
         return b""
 
     def is_done(self, now_s: float) -> bool:
-        is_told = self._others is not None and self._values is not None
-        return is_told or now_s - self._heard_s > PING_S + 2.0 * ASK_AGAIN_S
+        has_answer = self._others is not None and self._values is not None
+        return has_answer or now_s - self._heard_s > PING_S + 2.0 * ASK_AGAIN_S
 
     def answer(self, baud: int) -> LineAnswer:
         others = self._others or ()

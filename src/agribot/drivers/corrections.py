@@ -38,15 +38,16 @@ if TYPE_CHECKING:
     import ssl
 
 _CLOSE_S = 1.0  # a name that does not resolve holds the thread up for longer; it ends by itself
-# No base corrects a receiver beyond this: networks of them carry over 50 to 70 km (Swift
-# Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of receivers
-# state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
+# Largest distance of a base that corrects a receiver: networks of them carry over 50 to 70 km
+# (Swift Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of
+# receivers state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
 _FARTHEST_BASE_M = 200e3
-_LEAST_RADIUS_M = 6e6  # from the Earth's centre, which a base says that knows no place of its own
+# Least distance from the Earth's centre; a base without a place of its own reports less.
+_LEAST_RADIUS_M = 6e6
 
 
 class CorrectionTiming(NamedTuple):
-    """How long to wait: casters shut those out who ask too often."""
+    """Waiting times: casters shut those out who ask too often."""
 
     gga_period_s: float = 10.0
     stall_s: float = 15.0  # without a measurement of satellites the line counts as dead
@@ -94,7 +95,7 @@ class CorrectionLink:
         login: CasterLogin | None,
         write: Callable[[bytes], bool],
         last_fix: Callable[[], StampedFix | None],
-        tell: Callable[[CorrectionsCome | CorrectionsMissing], None],
+        notify: Callable[[CorrectionsCome | CorrectionsMissing], None],
         timing: CorrectionTiming | None = None,
         now_s: Callable[[], float] = time.monotonic,
         tls: ssl.SSLContext | None = None,
@@ -105,12 +106,12 @@ class CorrectionLink:
         """
         self._tls = (tls or make_tls()) if caster.is_secure else None
         self._caster, self._login, self._write = caster, login, write
-        self._last_fix, self._tell, self._now_s = last_fix, tell, now_s
+        self._last_fix, self._notify, self._now_s = last_fix, notify, now_s
         self._timing = timing or CorrectionTiming()
         self._counts: Counter[int] = Counter()
         self._last_s: float | None = None
         self._has_come = self._is_flowing = self._is_doubted = False
-        self._told = ""
+        self._notified = ""
         self._forms = itertools.cycle(FORMS)
         self._form = next(self._forms)
         self._ended = threading.Event()
@@ -138,7 +139,7 @@ class CorrectionLink:
             why = self._try()
             if self._ended.is_set():
                 return
-            self._tell_why(why)
+            self._notify_reason(why)
             wait_s = self._timing.first_wait_s if self._is_flowing else wait_s
             if self._ended.wait(wait_s):
                 return
@@ -168,7 +169,7 @@ class CorrectionLink:
         answer = AnswerDecoder(self._caster, has_login=self._login is not None)
         messages = RtcmDecoder()
         asked_s = self._now_s()
-        told_s = asked_s if gga and self._form.version == 2 else asked_s - self._timing.gga_period_s
+        sent_s = asked_s if gga and self._form.version == 2 else asked_s - self._timing.gga_period_s
         beside: set[int] = set()
         while not self._ended.is_set():
             try:
@@ -186,10 +187,10 @@ class CorrectionLink:
             now_s = self._now_s()
             if now_s - asked_s > self._timing.stall_s:
                 raise CasterRefusal(self._explain_stall(messages.junk, beside))
-            if answer.is_open and now_s - told_s >= self._timing.gga_period_s:
+            if answer.is_open and now_s - sent_s >= self._timing.gga_period_s:
                 gga = self._write_position()
                 stream.write(gga)
-                told_s = now_s if gga else told_s
+                sent_s = now_s if gga else sent_s
 
     def _write_position(self) -> bytes:
         found = self._last_fix()
@@ -208,7 +209,7 @@ class CorrectionLink:
         if not self._is_flowing:
             self._is_flowing, self._told = True, ""
             is_again, self._has_come = self._has_come, True
-            self._tell(CorrectionsCome(self._caster.name, is_again))
+            self._notify(CorrectionsCome(self._caster.name, is_again))
 
     def _check_base(self, message: RtcmMessage) -> None:
         """Compare where the base says to stand with where the receiver is.
@@ -235,12 +236,12 @@ class CorrectionLink:
         lacks_fix = "" if self._last_fix() else "; the receiver has no position yet to send to it"
         return f"nothing came for {self._timing.stall_s:g} s{lacks_fix}"
 
-    def _tell_why(self, why: str) -> None:
+    def _notify_reason(self, why: str) -> None:
         """Report each reason once, until corrections come again."""
-        if why == self._told:
+        if why == self._notified:
             return
         self._told = why
-        self._tell(CorrectionsMissing(self._caster.name, why, is_lost=self._is_flowing))
+        self._notify(CorrectionsMissing(self._caster.name, why, is_lost=self._is_flowing))
 
 
 def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:

@@ -27,7 +27,7 @@ STATUS = {
     3: GnssQuality.RTK_FIXED,
     4: GnssQuality.RTK_FLOAT,
 }
-UNMEASURED = {5: DEAD_RECKONING, 7: HELD}  # of its status: dead reckoning, and surveyed in
+UNMEASURED = {5: DEAD_RECKONING, 7: HELD}  # values of its status: dead reckoning, and surveyed in
 GST_AGE_S = 2.5  # two epochs of a slow receiver
 FIXED_STD_M, FLOAT_STD_M = 0.05, 0.5  # nothing else is so good
 
@@ -76,14 +76,14 @@ class GpsdFixes:
         self._refuse = refuse
         self._gst: tuple[float, float] | None = None
         self._last_s = -math.inf
-        self.lacks_fix = True  # of the newest TPV
-        self.is_accuracy_told = False  # of the newest fix
+        self.lacks_fix = True  # whether the newest TPV lacks a fix
+        self.is_accuracy_known = False  # whether the newest fix has an accuracy
 
     def add(self, report: Mapping[str, Any]) -> StampedFix | None:
         """Add a report; gives the fix that it is, if it is one."""
         kind = report.get("class")
         try:
-            if kind == "GST" and _tells(report, "lat", "lon"):
+            if kind == "GST" and _has_numbers(report, "lat", "lon"):
                 std_m = math.hypot(_read(report, "lat", 1e6), _read(report, "lon", 1e6))
                 self._gst = _read_time_s(report), std_m / math.sqrt(2.0)
             if kind == "TPV":
@@ -94,7 +94,9 @@ class GpsdFixes:
 
     def _read(self, report: Mapping[str, Any]) -> StampedFix | None:
         has_mode = int(report.get("mode", 0)) >= 2
-        has_place = _tells(report, "lat", "lon") and not is_nowhere(report["lat"], report["lon"])
+        has_place = _has_numbers(report, "lat", "lon") and not is_nowhere(
+            report["lat"], report["lon"]
+        )
         self.lacks_fix = not (has_mode and has_place and "time" in report)
         if self.lacks_fix:
             return None
@@ -111,7 +113,9 @@ class GpsdFixes:
             pos_std_m=std_m,
             quality=quality,
             velocity_mps=_read_velocity(report),
-            velocity_std_mps=max(_read(report, "eps", 1e3), 0.01) if _tells(report, "eps") else 0.1,
+            velocity_std_mps=max(_read(report, "eps", 1e3), 0.01)
+            if _has_numbers(report, "eps")
+            else 0.1,
         )
         self._last_s = stamp_s
         kind = UNMEASURED.get(int(report.get("status", 1)))
@@ -119,13 +123,13 @@ class GpsdFixes:
 
     def _judge(self, report: Mapping[str, Any], stamp_s: float) -> tuple[float, GnssQuality]:
         quality = STATUS.get(int(report.get("status", 1)), GnssQuality.SINGLE)
-        std_m, self.is_accuracy_told = STD_M[quality], True
+        std_m, self.is_accuracy_known = STD_M[quality], True
         if self._gst is not None and abs(self._gst[0] - stamp_s) <= GST_AGE_S:
             std_m = self._gst[1]
-        elif _tells(report, "eph"):
+        elif _has_numbers(report, "eph"):
             std_m = _read(report, "eph", 1e6) / math.sqrt(2.0)
         else:
-            self.is_accuracy_told = False
+            self.is_accuracy_known = False
         std_m = max(std_m, 1e-3)
         if quality is GnssQuality.DGNSS and std_m <= FLOAT_STD_M:
             is_fixed = std_m <= FIXED_STD_M
@@ -137,7 +141,7 @@ def _read_time_s(report: Mapping[str, Any]) -> float:
     return datetime.fromisoformat(str(report["time"])).timestamp()
 
 
-def _tells(report: Mapping[str, Any], *names: str) -> bool:
+def _has_numbers(report: Mapping[str, Any], *names: str) -> bool:
     """Whether a report has all of these numbers: what gpsd does not know it leaves out."""
     return all(report.get(name) is not None and not _is_nan(report[name]) for name in names)
 
@@ -152,22 +156,22 @@ def _read_altitude_m(report: Mapping[str, Any]) -> float:
     gpsd before 3.20 states the one above mean sea level, and how far the geoid is above the
     ellipsoid.
     """
-    if _tells(report, "altHAE"):
+    if _has_numbers(report, "altHAE"):
         return _read(report, "altHAE", 1e5)
-    if _tells(report, "altMSL", "geoidSep"):
+    if _has_numbers(report, "altMSL", "geoidSep"):
         return _read(report, "altMSL", 1e5) + _read(report, "geoidSep", 1e3)
     return math.nan
 
 
 def _read_velocity(report: Mapping[str, Any]) -> tuple[float, float, float] | None:
     """Read East, North and up, NaN without it; None without a speed, or without a course."""
-    if _tells(report, "velN", "velE"):
-        up_mps = -_read(report, "velD", 1e4) if _tells(report, "velD") else math.nan
+    if _has_numbers(report, "velN", "velE"):
+        up_mps = -_read(report, "velD", 1e4) if _has_numbers(report, "velD") else math.nan
         return _read(report, "velE", 1e4), _read(report, "velN", 1e4), up_mps
-    if not _tells(report, "speed", "track"):
+    if not _has_numbers(report, "speed", "track"):
         return None
     speed_mps, course_rad = _read(report, "speed", 1e4), math.radians(_read(report, "track", 360.0))
-    up_mps = _read(report, "climb", 1e4) if _tells(report, "climb") else math.nan
+    up_mps = _read(report, "climb", 1e4) if _has_numbers(report, "climb") else math.nan
     return speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), up_mps
 
 

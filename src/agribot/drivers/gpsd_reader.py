@@ -12,29 +12,29 @@ from agribot.drivers.gpsd import write_watch
 from agribot.drivers.receiver import GpsdDecoder
 from agribot.ros.nodes.gpsd_client import GpsdReport
 
-_MOST_REPORTS = 100  # that were not taken yet
+_MOST_REPORTS = 100  # largest number of waiting reports
 
 
 class GpsdReader:
     """Reads the first receiver that a gpsd reports, until it is closed.
 
-    `tell` gets what cannot be read, and each loss and return of the line.
+    `notify` gets what cannot be read, and each loss and return of the line.
     """
 
     def __init__(
-        self, host: str, port: int, tell: Callable[[str], None],
+        self, host: str, port: int, notify: Callable[[str], None],
         now_s: Callable[[], float] = time.time,
     ) -> None:  # fmt: skip
         """Open the line; `now_s` is since 1970.
 
         Raises: ConfigError: no gpsd answers there.
         """
-        self._decoder, self._now_s = GpsdDecoder(tell), now_s
+        self._decoder, self._now_s = GpsdDecoder(notify), now_s
         self._status = GnssStatus(t_s=0.0)
         self._reports: deque[GpsdReport] = deque(maxlen=_MOST_REPORTS)
         self._reader = StreamReader(
-            f"gpsd {host}:{port}", lambda: TcpStream(host, port), self._hear, time.monotonic, tell,
-            lambda stream: stream.write(write_watch()),
+            f"gpsd {host}:{port}", lambda: TcpStream(host, port), self._hear, time.monotonic,
+            notify, lambda stream: stream.write(write_watch()),
         )  # fmt: skip
 
     def take(self) -> list[GpsdReport]:
@@ -51,8 +51,10 @@ class GpsdReader:
         for line in data.splitlines(keepends=True):
             for stamp_s, sample in self._decoder.feed(line, arrived_s):
                 if isinstance(sample, GnssFix):
-                    is_told = self._decoder.is_accuracy_told
-                    self._reports.append(GpsdReport(stamp_s, now_s, sample, self._status, is_told))
+                    is_accuracy_known = self._decoder.is_accuracy_known
+                    self._reports.append(
+                        GpsdReport(stamp_s, now_s, sample, self._status, is_accuracy_known)
+                    )
                 elif isinstance(sample, GnssStatus):
                     self._status = sample
                     if not stamp_s:

@@ -30,7 +30,7 @@ from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.stream_writer import StreamWriter
 
-MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # of `calibration`
+MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # settings of `calibration`
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
 MOST_SAID = 32  # by threads, between two ticks
@@ -76,13 +76,13 @@ class HardwarePlatform:
     def read(self) -> SensorBatch:
         """Wait for the next tick and return what arrived until then."""
         t_s = self._wait_for_tick()
-        told = self._link.take(t_s)
+        samples = self._link.take(t_s)
         clock = self._clock.update(t_s)
         requests, hand = self.inbox.drain(t_s)
-        self._writer.send(self._link.clear(t_s, requests, told["board"]))
+        self._writer.send(self._link.clear(t_s, requests, samples["board"]))
         said = [DeviceNote(t_s=t_s, fact=self._said.popleft()) for _ in range(len(self._said))]
         notes = (*clock, *self._link.watch_line(t_s), *said)
-        return SensorBatch(t_s=t_s, requests=requests, notes=notes, hand=hand, **told)
+        return SensorBatch(t_s=t_s, requests=requests, notes=notes, hand=hand, **samples)
 
     def write(self, command: RobotCommand) -> None:
         """Send a command to the board; the line may take its time.

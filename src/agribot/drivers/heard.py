@@ -19,11 +19,11 @@ from agribot.drivers.ubx import NAV_HPPOSLLH, NAV_PVT, NAV_RELPOSNED, UbxFrame
 from agribot.drivers.unicore import BESTNAV
 from agribot.drivers.unicore import NAMES as UNICORE_NAMES
 
-PATIENCE_S = 3.0  # without a fix before a receiver is in trouble
-MOST_KINDS = 50  # noise makes no more
+PATIENCE_S = 3.0  # time without a fix before a receiver is in trouble
+MOST_KINDS = 50  # largest number of kinds; noise makes no more
 MOST_NAMED = 12
 EPOCHS = 40
-# Why such positions are no measurement of satellites, and what to do.
+# Reasons why such positions are no measurement of satellites, and remedies.
 NAMED = {
     DEAD_RECKONING: (
         "its positions are dead reckoning, without satellites; give its antenna the open sky"
@@ -56,10 +56,10 @@ _PLACES_OF = {
     "NMEA": {*PLACE_KINDS},
 }
 _STATE_A_PLACE = set().union(*_PLACES_OF.values())
-# NAV-POSLLH does not say whether its place is one.
+# Messages that do not say whether they hold a place.
 _WITHOUT_A_WORD = {"NAV-POSLLH"}
 _WITH_STATUS = {"NAV-POSLLH", "NAV-STATUS"}
-# What makes each language state a place, the one that states it best first.
+# Settings that make each language state a place, the one that states it best first.
 _TO_SWITCH_ON = {
     "UBX": "switch on NAV-PVT: agribot gnss configure URI --save",
     "SBF": "switch on PVTGeodetic and PosCovGeodetic (setSBFOutput)",

@@ -64,7 +64,7 @@ class LetterImu:
         )  # fmt: skip
 
     def open(self, now_s: float) -> None:
-        """Nothing to do: it hears nothing, and a broken line is left out."""
+        """Do nothing: it hears nothing, and a broken line is left out."""
 
     def feed(self, data: bytes, now_s: float) -> Measured:
         return [(0.0, sample) for sample in self._lines.feed(data)]
@@ -188,7 +188,7 @@ class ImuSource:
         name: str,
         open_stream: OpenStream,
         device: ImuDevice,
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         latency_s: float = 0.0,
     ) -> None:
         """Open the line and begin to read.
@@ -203,7 +203,7 @@ class ImuSource:
         self._clock = ClockWatch(f"IMU on {name}", lambda: self._imu.uncertainty_s)
         self._reader: StreamReader | None = None
         self._reader = StreamReader(
-            f"imu from {name}", open_stream, self._read, self._imu.now_s, tell,
+            f"imu from {name}", open_stream, self._read, self._imu.now_s, notify,
             lambda stream: device.open(self._imu.now_s()), hears_silence=True,
         )  # fmt: skip
 

@@ -21,8 +21,8 @@ from agribot.drivers.stream_writer import StreamWriter
 from agribot.drivers.uri_options import UriOptions
 
 BAUD, HEAD = 9600, 0xA0
-CHANNELS = 8  # of the largest of the family
-REPEAT_S = 0.1  # what was lost on the line is said again
+CHANNELS = 8  # channels of the largest of the family
+REPEAT_S = 0.1  # period of repetition: a command that the line lost is sent again
 STUCK_S = 1.0  # a line that takes nothing for this time is lost
 
 
@@ -42,7 +42,7 @@ class LcusContactor:
 
     def __init__(
         self, name: str, open_stream: OpenStream, channels: Sequence[int],
-        tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic,
+        notify: Callable[[str], None], now_s: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         """Open the line and switch it off.
 
@@ -56,7 +56,7 @@ class LcusContactor:
         self._is_wanted = self._is_on = self._is_lost = False
         self._asked_s, self._written_s = -math.inf, now_s()
         self._reader = StreamReader(
-            f"contactor on {name}", open_stream, lambda data, arrived_s: None, now_s, tell,
+            f"contactor on {name}", open_stream, lambda data, arrived_s: None, now_s, notify,
             lambda stream: stream.write(self._off),
         )  # fmt: skip
         self._writer = StreamWriter(f"contactor on {name}", self._write, now_s)

@@ -14,7 +14,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import ImuSample, Vec3
 
 STANDARD_GRAVITY_MPS2 = 9.80665
-COUNTS = 32768  # of full scale, either way
+COUNTS = 32768  # counts of full scale, either way
 LINE = re.compile(rb"A(-?\d{1,5})B(-?\d{1,5})C(-?\d{1,5})D(-?\d{1,5})E(-?\d{1,5})F(-?\d{1,5})G")
 LONGEST_LINE = 64
 _AXIS = re.compile(r"(-?)([xyz])")

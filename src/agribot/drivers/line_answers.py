@@ -13,12 +13,12 @@ AnswerKind = Literal[
     "vesc", "odrive", "unknown", "silent",
 ]  # fmt: skip
 Use = Literal["base", "imu", "gnss", ""]
-# What a run takes where its URI states no speed.
+# Default speeds of a run whose URI states none.
 USUAL_BAUD: dict[Use, int] = {"base": 115_200, "imu": 57_600, "gnss": 38_400}
 
 
 class LineAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found at a line, and what it is good for.
+    """The device found at a line, and its use.
 
     `use` is the sensor of `--source` that it can be, `options` stand behind the question mark of
     its URI. `numbers` are what was counted and measured, by names with units. `is_good` is False
@@ -39,8 +39,8 @@ class LineAnswer(msgspec.Struct, frozen=True, kw_only=True):
         usual = USUAL_BAUD.get(self.use, 0)
         if self.kind == "motor board":
             usual = OUR_BAUD
-        told = {} if self.baud in (0, usual) else {"baud": str(self.baud)}
-        options = {**told, **dict(self.options)}
+        stated = {} if self.baud in (0, usual) else {"baud": str(self.baud)}
+        options = {**stated, **dict(self.options)}
         words = "&".join(f"{name}={value}" for name, value in options.items())
         return f"serial:{path}" + (f"?{words}" if words else "")
 

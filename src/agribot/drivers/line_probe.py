@@ -22,12 +22,12 @@ RECEIVER_BAUDS = (38_400, 115_200, 9_600, 230_400, 460_800, 921_600)
 ALL_BAUDS = (*BAUDS.values(), *RECEIVER_BAUDS)
 # At the first speed: a bootloader ends after one or two seconds, and a receiver speaks every one.
 FIRST_S, NEXT_S = 3.5, 1.3
-ASKING_S = 6.0  # of a line that is asked while it is silent, for all who wait for a question
+ASKING_S = 6.0  # time of a line that is asked while it is silent, for all who wait for a question
 ASKED_BAUDS = (115_200, 57_600)
-ODRIVE_LATER_S = 1.2  # than a VESC, whose bytes mean nothing to an ODrive
-# Bytes at a far lower speed may be no bytes at all at a higher one, but a broken line.
+ODRIVE_LATER_S = 1.2  # delay after a VESC, whose bytes mean nothing to an ODrive
+# Speed below which bytes may be no bytes at all at a higher speed, but a broken line.
 SLOW_BAUD = 38_400
-LIMIT_S = 40.0  # of a line that does not stop to talk
+LIMIT_S = 40.0  # time limit of a line that does not stop to talk
 
 
 class TunableStream(ByteStream, Protocol):
@@ -57,11 +57,11 @@ class LineProbe:
 
     def __init__(
         self, line: TunableStream, now_s: Callable[[], float],
-        tell: Callable[[str], None] = lambda text: None, *, may_ask: bool = False,
+        notify: Callable[[str], None] = lambda text: None, *, may_ask: bool = False,
         limit_s: float = LIMIT_S,
     ) -> None:  # fmt: skip
-        """`tell` gets what is being tried; with `may_ask` also a silent device is asked."""
-        self._line, self._now_s, self._tell = line, now_s, tell
+        """`notify` gets what is being tried; with `may_ask` also a silent device is asked."""
+        self._line, self._now_s, self._notify = line, now_s, notify
         self._may_ask, self._opened_s = may_ask, now_s()
         self._until_s = self._opened_s + limit_s
         self._bytes = 0
@@ -75,7 +75,7 @@ class LineProbe:
         for baud in bauds:
             if self._is_silent(bauds, baud) or self._now_s() >= self._until_s:
                 continue
-            self._tell(f"listening at {baud} baud")
+            self._notify(f"listening at {baud} baud")
             self._line.set_baud(baud)
             answer = self._listen(baud, span_s)
             if answer is not None:

@@ -23,7 +23,7 @@ from agribot.core.messages import (
     WheelSample,
 )
 
-STATE_S = 0.5  # age of what motors do beyond which it is not known
+STATE_S = 0.5  # age from which the state of the motors is unknown
 GEAR_HOW = "write gear=N, turns of the motor for one of its wheel, 1 for a motor in the hub"
 
 
@@ -35,26 +35,26 @@ class FreshValues(Generic[Value]):
 
     def __init__(self, now_s: Callable[[], float]) -> None:
         self._now_s = now_s
-        self._told: dict[int, tuple[float, Value]] = {}
+        self._newest: dict[int, tuple[float, Value]] = {}
 
     def put(self, controller: int, value: Value) -> None:
-        self._told[controller] = self._now_s(), value
+        self._newest[controller] = self._now_s(), value
 
     def take(self) -> dict[int, Value]:
         """Give what is known now."""
         now_s = self._now_s()
-        return {one: value for one, (t_s, value) in self._told.items() if now_s - t_s <= STATE_S}
+        return {one: value for one, (t_s, value) in self._newest.items() if now_s - t_s <= STATE_S}
 
     def clear(self) -> None:
-        self._told.clear()
+        self._newest.clear()
 
     def __len__(self) -> int:
         """Count those that reported since it was cleared, however long ago."""
-        return len(self._told)
+        return len(self._newest)
 
 
 class BoardReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board measured at one moment; what it does not measure is None.
+    """Measurements of a board at one moment; None where it does not measure.
 
     The times of the parts are those of the report, which the platform puts in. Inertial and
     magnetic readings come in reports of their own.
@@ -118,7 +118,7 @@ class SpeaksFirst(Protocol):
 
     @property
     def frames_heard(self) -> int:
-        """How many whole frames have come since its line was opened."""
+        """Count of whole frames since its line was opened."""
         ...
 
 

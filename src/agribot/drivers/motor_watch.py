@@ -14,10 +14,11 @@ from collections.abc import Sequence
 from agribot.core.messages import WHEEL_NAMES, Four
 from agribot.core.robot import DriveSpec
 
-SENSOR_STEP_A = 0.049  # of a converter of 10 bits and 0.1 V/A; readings are cut off to whole steps
+# Step of a converter of 10 bits and 0.1 V/A; readings are cut off to whole steps.
+SENSOR_STEP_A = 0.049
 MOST_SENSED_A = 25.0
-# What is known of a motor is rough: of its constant 15 %, of its winding with cable and driver not
-# even a third. Nor does it say anything of currents that friction and steps of the duty make.
+# Uncertainty of a motor's data: 15 % of its constant, more than a third of its winding with cable
+# and driver. Currents of friction and steps of the duty are missing in them.
 CONSTANT_RATIO, LEFT_RATIO, LEAST_A = 0.15, 1.0 / 3.0, 1.0
 TURNING_RADPS = 0.6
 LASTING_S, LONGEST_STEP_S = 0.3, 0.05

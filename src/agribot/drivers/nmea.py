@@ -17,7 +17,7 @@ from agribot.core.messages import GnssFix
 LONGEST_LINE = 256  # 82 by the standard; some receivers say more
 KNOT_MPS = 1852.0 / 3600.0
 DAY_S = 86400.0
-BARE_SENTENCES = 5  # without a checksum, before a stream counts as one that has none
+BARE_SENTENCES = 5  # sentences without a checksum before a stream counts as one that has none
 _PARTS = re.compile(rb"[$\r\n]|[^$\r\n]+")
 _BARE_HEAD = re.compile(rb"[A-Z]{5,9},[ -~]*\Z")
 
@@ -52,7 +52,7 @@ class SentenceDecoder:
         self._is_in_line = False
         self._has_checksums = False
         self._bare = 0  # sentences without a checksum
-        self._held: list[Sentence] = []  # of these, until there are enough
+        self._held: list[Sentence] = []  # bare sentences, until there are enough
         self.bad = 0
 
     def feed(self, data: bytes) -> list[Sentence]:
@@ -127,7 +127,7 @@ def write_gga(found: StampedFix, satellites: int = 12) -> bytes:
 
 
 def _write_degrees(angle_deg: float, digits: int) -> str:
-    units = round(abs(angle_deg) * 60e7)  # of 1e-7 minutes, so that 60 of these never stand there
+    units = round(abs(angle_deg) * 60e7)  # units of 1e-7 minutes, so that 60 never stands there
     degrees, minutes = divmod(units, 600_000_000)
     return f"{degrees:0{digits}d}{minutes // 10_000_000:02d}.{minutes % 10_000_000:07d}"
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from agribot.drivers.nmea import DAY_S, Sentence, StampedFix, read_time_of_day_s
 from agribot.drivers.nmea_places import Parts, make_fix
 
-PAUSE_S = 0.5  # after which no more sentences of an epoch come
-# Where the time of day stands in sentences that have one.
+PAUSE_S = 0.5  # pause that ends the sentences of an epoch
+# Field of the time of day in sentences that have one.
 TIME_FIELDS = {"GGA": 0, "GNS": 0, "RMC": 0, "GST": 0, "GLL": 4, "PQTMPVT": 3, "PQTMVEL": 1}
 TIMELESS = ("VTG", "PQTMEPE")
 
@@ -31,7 +31,7 @@ class NmeaFixes:
         self._is_given = True
         self._arrived_s = self._pause_s = 0.0  # the longest since the last sentence with a time
         self._timeless: dict[str, tuple[tuple[str, ...], float]] = {}  # with the pause before
-        self._leading: set[str] = set()  # of these, those before the first one with a time
+        self._leading: set[str] = set()  # sentences of an epoch before the first one with a time
 
     def add(self, sentence: Sentence, arrived_s: float = 0.0) -> list[StampedFix]:
         """Add a sentence; gives the fixes that it completes."""
@@ -64,7 +64,7 @@ class NmeaFixes:
 
     @property
     def stamp_s(self) -> float:
-        """Of the epoch that its sentences are about now; 0 before the first."""
+        """Time stamp of the epoch of its sentences now; 0 before the first."""
         return self._make_stamp_s(self._time_of_day_s)
 
     def find_stamp_s(self, time_text: str) -> float:

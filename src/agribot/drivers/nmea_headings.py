@@ -24,7 +24,7 @@ class _Form(NamedTuple):
     std: int | None = None
 
 
-_FIXED = ("4",)  # by the numbers of GGA
+_FIXED = ("4",)  # quality by the numbers of GGA
 _FORMS = {
     "HDT": _Form(heading=0, state=1, good=("T",)),
     "THS": _Form(heading=0, state=1, good=("A",)),

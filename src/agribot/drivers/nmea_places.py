@@ -20,7 +20,7 @@ from agribot.drivers.nmea import (
     read_finite,
 )
 
-MINUTE_M = 1852.0  # of latitude
+MINUTE_M = 1852.0  # length of a minute of latitude
 # 1 sigma of one horizontal axis where no GST states it, at an HDOP of 1.
 STD_M: dict[FixKind, float] = {
     GnssQuality.SINGLE: 2.5,
@@ -59,7 +59,7 @@ Parts = dict[str, tuple[str, ...]]
 
 
 class Place(NamedTuple):
-    """What a sentence says of the place; `quality` is None where it states no quality.
+    """A sentence's place; `quality` is None where it states no quality.
 
     `resolution_m` is the last digit of its latitude.
     """

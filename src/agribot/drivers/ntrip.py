@@ -30,13 +30,13 @@ _NAMES = 8  # mountpoints that are listed
 _EMPTY_LINE = re.compile(rb"\r?\n\r?\n")  # RFC 9112, section 2.2: a line may end in a bare LF
 _CHUNK_LENGTH = re.compile(rb"\A[0-9A-Fa-f]+(?:;[^\n]*)?\r?\n")
 _TABLE_BEGINS = (b"STR;", b"CAS;", b"NET;", b"ENDSOURCETABLE")
-_ENOUGH_TO_TELL = 64  # bytes
+_ENOUGH_TO_JUDGE = 64  # bytes
 _OF_FORM = (" 400", " 403", " 405", " 406", " 415", " 501", " 505")
 _NO_CASTER = "what answers there is no NTRIP caster; check host and port"
 
 
 class Caster(NamedTuple):
-    """Where corrections come from; `is_secure` asks for them over TLS."""
+    """Source of corrections; `is_secure` asks for them over TLS."""
 
     host: str
     port: int
@@ -49,7 +49,7 @@ class Caster(NamedTuple):
 
 
 class CasterLogin(NamedTuple):
-    """Of a person at a caster; it never appears in a text."""
+    """Login of a person at a caster; it never appears in a text."""
 
     user: str
     password: str
@@ -59,7 +59,7 @@ class CasterLogin(NamedTuple):
 
 
 class RequestForm(NamedTuple):
-    """How a mountpoint is asked for: the version of the protocol, and what is accepted."""
+    """Form of a request for a mountpoint: the version of the protocol, and the accepted answers."""
 
     version: int
     accept: str
@@ -123,9 +123,9 @@ def find_login(host: str, environment: Mapping[str, str], home: Path) -> CasterL
 
     Raises: ConfigError: a file that cannot be read, or half a login.
     """
-    told = environment.get(LOGIN_VARIABLE, "")
-    if told:
-        user, colon, password = told.partition(":")
+    login_text = environment.get(LOGIN_VARIABLE, "")
+    if login_text:
+        user, colon, password = login_text.partition(":")
         if not colon or not user:
             raise ConfigError(f"{LOGIN_VARIABLE}: write USER:WORD")
         return CasterLogin(user, password)
@@ -239,7 +239,7 @@ class AnswerDecoder:
         words = _CHUNK_LENGTH.sub(b"", self._waiting, count=1)
         self._is_table = words.lstrip().startswith(_TABLE_BEGINS)
         if not self._is_table and PREAMBLE not in words:
-            if b"\n" in words.lstrip() or len(words) > _ENOUGH_TO_TELL:
+            if b"\n" in words.lstrip() or len(words) > _ENOUGH_TO_JUDGE:
                 raise CasterRefusal(
                     f"the caster answers '{_clean(words.lstrip().splitlines()[0])}'"
                 )
@@ -296,7 +296,7 @@ class _Chunks:
 
     def __init__(self) -> None:
         self._line = bytearray()
-        self._left = 0  # of the present chunk, with the line's end behind it
+        self._left = 0  # bytes left of the present chunk, with the line's end behind it
 
     def feed(self, data: bytes) -> bytes:
         body = bytearray()

@@ -30,12 +30,12 @@ from agribot.drivers.motor_board import GEAR_HOW, STATE_S, BoardReport, StampedR
 from agribot.drivers.odrive_line import VOLTAGE, OdriveAnswers, OdriveLine, write_line
 from agribot.drivers.uri_options import UriOptions
 
-ROUND_TICKS = 5  # between two questions for faults, states and voltage
+ROUND_TICKS = 5  # ticks between two questions for faults, states and voltage
 # Commands between two that set the watchdogs: an ODrive that began anew has forgotten them.
 WATCHDOG_TICKS = 5
 WATCHDOG_S = 0.3
 IDLE, CLOSED_LOOP = 1, 8  # AXIS_STATE_IDLE, AXIS_STATE_CLOSED_LOOP_CONTROL
-# What firmwares call the errors of an axis (0.5, 0.6), and WATCHDOG_TIMER_EXPIRED among them.
+# Names and values of an axis' errors by firmware (0.5, 0.6); WATCHDOG_TIMER_EXPIRED is one of them.
 WATCHDOG_EXPIRED = {"error": 0x800, "active_errors": 0x0100_0000}
 
 
@@ -66,7 +66,7 @@ class OdriveBoard:
 
     @property
     def broken(self) -> int:
-        """How many lines did not fit, or did not come."""
+        """Count of lines that did not fit, or did not come."""
         return self._line.bad
 
     bad = broken
@@ -106,14 +106,16 @@ class OdriveBoard:
         It is not when its time is set first, which may get lost: one without time expires at once.
         """
         turns = [speed * self._gear / math.tau for speed in speeds_radps[:2]]
-        told = [f"v {axis} {speed:.5f} 0" for axis, speed in zip(self._axes, turns, strict=True)]
+        reported = [
+            f"v {axis} {speed:.5f} 0" for axis, speed in zip(self._axes, turns, strict=True)
+        ]
         if self._drives % WATCHDOG_TICKS == 0:
             names = [f"axis{axis}.config" for axis in self._axes]
             limits = [f"w {name}.watchdog_timeout {WATCHDOG_S}" for name in names]
             enables = [f"w {name}.enable_watchdog 1" for name in names] if self._drives else []
-            told = [*limits, *told, *enables]
+            reported = [*limits, *reported, *enables]
         self._drives += 1
-        return _write(told)
+        return _write(reported)
 
     def clear_stop(self) -> bytes:
         """Clear the errors of axes that stand, and put them in closed loop.
@@ -132,23 +134,27 @@ class OdriveBoard:
         ])  # fmt: skip
 
     def _report(self, answers: OdriveAnswers) -> BoardReport | None:
-        told, now_s = answers.by_question, self._now_s()
-        if VOLTAGE in told:
-            self._take_round(told, answers.asked_s)
+        reported, now_s = answers.by_question, self._now_s()
+        if VOLTAGE in reported:
+            self._take_round(reported, answers.asked_s)
         if not self._states or now_s - answers.asked_s > STATE_S:
             return None
-        motion = {axis: (told[name][0], told[name][1]) for axis, name in self._motions.items()}
+        motion = {
+            axis: (reported[name][0], reported[name][1]) for axis, name in self._motions.items()
+        }
         is_known = now_s - self._states_s <= STATE_S
         return self._sides.report(
             motion, self._states if is_known else None, self._voltage_v if is_known else math.nan
         )
 
-    def _take_round(self, told: Mapping[str, tuple[float, ...]], asked_s: float) -> None:
+    def _take_round(self, reported: Mapping[str, tuple[float, ...]], asked_s: float) -> None:
         self._states = {
-            axis: AxisState(int(told[self._errors[axis]][0]), int(told[self._state_names[axis]][0]))
+            axis: AxisState(
+                int(reported[self._errors[axis]][0]), int(reported[self._state_names[axis]][0])
+            )
             for axis in self._axes
         }
-        self._voltage_v, self._states_s = told[VOLTAGE][0], asked_s
+        self._voltage_v, self._states_s = reported[VOLTAGE][0], asked_s
         if self._is_change_asked or not self._is_changing:
             self._round_polls, self._is_changing = self._asked_polls, False
 
@@ -161,7 +167,7 @@ class AxisState(NamedTuple):
 
 
 class SideAxes:
-    """What two axes, right and left, report of the robot; a wheel is the wheel of its side."""
+    """Reports of two axes, right and left; a wheel is the wheel of its side."""
 
     def __init__(
         self, axes: tuple[int, int], gear_ratio: float, expired: int, word: str = "axis"

@@ -61,7 +61,7 @@ class OdriveCanBoard:
         self._states = FreshValues[AxisState](self._now_s)
         self._motion = FreshValues[tuple[float, float]](self._now_s)
         self._volts = FreshValues[float](self._now_s)
-        self._told_s: set[int] = set()  # nodes whose heartbeat came since the last command
+        self._heard_nodes: set[int] = set()  # nodes whose heartbeat came since the last command
         self._polls, self._is_changing, self._is_known = 0, False, False
         return b""
 
@@ -99,7 +99,7 @@ class OdriveCanBoard:
         """
         if self._is_changing:
             return b""
-        self._is_changing, self._told_s = True, set()
+        self._is_changing, self._heard_nodes = True, set()
         states = self._states.take()
         standing = [n for n in self._nodes if self._sides.is_standing(states.get(n))]
         return b"".join(
@@ -122,8 +122,8 @@ class OdriveCanBoard:
     def _take(self, node: int, command: int, data: bytes) -> None:
         if command == HEARTBEAT and len(data) >= _HEARTBEAT.size:
             self._states.put(node, AxisState(*_HEARTBEAT.unpack_from(data)))
-            self._told_s.add(node)
-            self._is_changing &= len(self._told_s) < 2
+            self._heard_nodes.add(node)
+            self._is_changing &= len(self._heard_nodes) < 2
         elif command in (ESTIMATES, BUS_VOLTAGE) and len(data) >= _TWO.size:
             first, second = _TWO.unpack_from(data)
             if not math.isfinite(first + second):

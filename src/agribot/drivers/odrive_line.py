@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 LONGEST_LINE = 256
 VOLTAGE = "r vbus_voltage"
-PATIENCE_S = 0.15  # for the answers to a batch
-DOUBLINGS = 2  # at the most, where several batches in a row were lost
+PATIENCE_S = 0.15  # time for the answers to a batch
+DOUBLINGS = 2  # most doublings after several lost batches in a row
 MOST_LOST = 40  # batches in a row
 ONE, TWO = 1, 2  # numbers in an answer
 
@@ -43,10 +43,12 @@ def write_line(command: str) -> str:
 
 def split_answer(line: bytes) -> tuple[str, bool] | None:
     """Split an answer into its text and whether it has a checksum; None where that is wrong."""
-    text, star, told = line.decode("ascii", "replace").rstrip().rpartition("*")
+    text, star, checksum = line.decode("ascii", "replace").rstrip().rpartition("*")
     if not star:
-        return told, False
-    return (text, True) if told.isdecimal() and int(told) == compute_checksum(text) else None
+        return checksum, False
+    return (
+        (text, True) if checksum.isdecimal() and int(checksum) == compute_checksum(text) else None
+    )
 
 
 def compute_checksum(text: str) -> int:
@@ -94,7 +96,7 @@ class OdriveLine:
             self._word = () if self._is_sure else _make_word(1 + self._lost % MOST_LOST)
             self._sizes.clear()
             self._questions, self._answers, self._asked_s = tuple(questions), [], now_s
-            # What came half before the word breaks an answer that is not needed.
+            # Half a word before it breaks only an answer that is not needed.
             sizes = (ONE, *self._word) if self._word else ()
             asked = (*(self._motion if size == TWO else VOLTAGE for size in sizes), *questions)
         return "".join(map(write_line, asked)).encode()

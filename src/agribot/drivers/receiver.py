@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     import ssl
 
 _MOST_OTHERS = 8  # receivers that are reported
-_SILENT_REPORTS = 20  # of another receiver; two seconds and more
-_MOST_NOTES = 32  # that wait for a tick
+_SILENT_REPORTS = 20  # reports of another receiver that show one silent; two seconds and more
+_MOST_NOTES = 32  # largest number of notes that wait for a tick
 
 
 class GpsdDecoder:
@@ -49,13 +49,13 @@ class GpsdDecoder:
 
     @property
     def broken(self) -> int:
-        """How many lines were no report."""
+        """Count of lines that were no report."""
         return self._lines.bad
 
     @property
-    def is_accuracy_told(self) -> bool:
+    def is_accuracy_known(self) -> bool:
         """Whether the accuracy of the newest fix is the receiver's word, not what is usual."""
-        return self._fixes.is_accuracy_told
+        return self._fixes.is_accuracy_known
 
     def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
         """Decode what arrived; the stamp of what comes without a fix is 0."""
@@ -97,7 +97,7 @@ class GpsdDecoder:
 
 
 class ReceiverLink:
-    """What a receiver says by tick, whatever carries its bytes.
+    """A receiver's reports by tick, whatever carries its bytes.
 
     `ReceiverSource` gives it those of a real line; a simulation gives it those of a simulated one.
     """
@@ -148,7 +148,7 @@ class ReceiverSource:
         name: str,
         open_stream: OpenStream,
         decoder: ReceiverDecoder | GpsdDecoder,
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         latency_s: float = 0.0,
         on_open: Callable[[ByteStream], None] = lambda stream: None,
     ) -> None:
@@ -162,7 +162,7 @@ class ReceiverSource:
         self._notes: deque[AnyFact] = deque(maxlen=_MOST_NOTES)
         self._corrections: CorrectionLink | None = None
         self._reader = StreamReader(
-            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open,
+            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, notify, on_open,
             hears_silence=True,
         )  # fmt: skip
 
@@ -171,7 +171,7 @@ class ReceiverSource:
     ) -> None:
         """Feed the receiver with the corrections of a caster from now on."""
         self._corrections = CorrectionLink(
-            caster, login, self._reader.write, self._tell_fix, self._note, tls=tls
+            caster, login, self._reader.write, self._last_fix, self._note, tls=tls
         )
         self._link.decoder.sky.corrections = self._corrections.state
 
@@ -195,5 +195,5 @@ class ReceiverSource:
     def _note(self, fact: AnyFact) -> None:
         self._notes.append(fact)
 
-    def _tell_fix(self) -> nmea.StampedFix | None:
+    def _last_fix(self) -> nmea.StampedFix | None:
         return self._link.decoder.last_fix

@@ -23,11 +23,11 @@ from agribot.drivers.ubx_older import OlderFixes
 
 ReceiverSample = GnssFix | GnssHeading | GnssStatus
 Stamped = list[tuple[float, ReceiverSample]]
-SILENT_S = 3.0  # without an epoch; the slowest receivers have one a second
+SILENT_S = 3.0  # time without an epoch; the slowest receivers have one a second
 
 
 class Rank(IntEnum):
-    """How much a source of fixes states; a higher one takes the place of a lower one."""
+    """Rank of a source of fixes; a higher one takes the place of a lower one."""
 
     NMEA = 1
     OLDER_UBX = 2
@@ -35,7 +35,7 @@ class Rank(IntEnum):
 
 
 class HeadingMount(NamedTuple):
-    """How two antennas stand on the robot, and how good a heading is that states no accuracy.
+    """Mount of two antennas on the robot, and the accuracy of a heading that states none.
 
     `offset_deg` is from forward to the line from the first antenna to the second, clockwise;
     `std_deg` is that of a metre of baseline by the data sheet of the ZED-F9P.
@@ -75,7 +75,7 @@ class ReceiverDecoder:
 
     @property
     def broken(self) -> int:
-        """How many messages had a wrong checksum; to a reader of sentences all frames have."""
+        """Count of messages with a wrong checksum; to a reader of sentences all frames have."""
         languages = self.heard.languages
         if "UBX" in languages:
             return self._ubx.bad

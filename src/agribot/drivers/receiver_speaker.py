@@ -67,7 +67,7 @@ class ReceiverSpeaker:
 
     @property
     def rate_hz(self) -> float:
-        """Of its epochs, by its own times where they have any; 0 before the second one."""
+        """Rate of its epochs, by its own times where they have any; 0 before the second one."""
         times_s = self._stamps_s if len(self._stamps_s) > 1 else self._decoder.heard.epochs_s
         passed_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
         return (len(times_s) - 1) / passed_s if passed_s > 0.0 else 0.0

@@ -13,16 +13,16 @@ from typing import NamedTuple
 SYNC = b"\xff\xfe"
 LONGEST_CONTENT = 2048
 PUBLISHER, SUBSCRIBER, LOG, TIME = 0, 1, 7, 10
-FIRST_TOPIC = 100  # below are the protocol's own
-# While no topic is known, and after a silence: longer than the second in which the bootloader
-# of an Arduino would take the question for a program to flash.
+FIRST_TOPIC = 100  # first number that is not one of the protocol's own
+# Pause before the next question while no topic is known, and after a silence: longer than the
+# second in which the bootloader of an Arduino would take the question for a program to flash.
 ASK_AGAIN_S = 2.0
 STRING = "std_msgs/String"
 _HEAD_BYTES = 7
 
 
 class RosserialTopic(NamedTuple):
-    """What a device says of a topic: its name, the type of its messages and their checksum."""
+    """A device's topic: its name, the type of its messages and their checksum."""
 
     name: str
     message_type: str

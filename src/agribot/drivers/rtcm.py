@@ -17,14 +17,14 @@ _POLYNOMIAL = 0x1864CFB
 _OF_THE_BASE = frozenset(
     (1005, 1006, 1007, 1008, 1013, 1019, 1020, 1029, 1032, 1033, *range(1041, 1047), 1230)
 )
-# Where observations count their satellites: the mask of MSM 1 to 7 of all systems, and the numbers
-# of the older messages of GPS and of GLONASS.
+# Position of the satellites' count in observations: the mask of MSM 1 to 7 of all systems, and the
+# numbers of the older messages of GPS and of GLONASS.
 _SATELLITE_BITS = (
     (frozenset(k for k in range(1071, 1138) if k % 10 in range(1, 8)), (73, 64)),
     (range(1001, 1005), (55, 5)),
     (range(1009, 1013), (52, 5)),
 )
-_PLACE_BITS = (34, 74, 114)  # where the three numbers of a place begin
+_PLACE_BITS = (34, 74, 114)  # bits where the three numbers of a place begin
 
 
 class RtcmMessage(NamedTuple):

@@ -26,8 +26,9 @@ NAMES = {
     5914: "ReceiverTime", 4014: "ReceiverStatus", 4013: "ChannelStatus",
 }  # fmt: skip
 PVT_BODY = struct.Struct("<IHBBdddfffff")  # up to the course
-H_ACCURACY = 82  # where it stands, in cm, twice the root mean square; since revision 2
-COV_BODY = struct.Struct("<IHBBfff")  # of a position or a velocity: three variances
+H_ACCURACY = 82  # offset of the accuracy, in cm, twice the root mean square; since revision 2
+# Body of a position's or a velocity's covariance: three variances.
+COV_BODY = struct.Struct("<IHBBfff")
 ATT_BODY = struct.Struct("<IHBBHHf")
 ATT_COV_BODY = struct.Struct("<IHBBf")
 SIZES = {
@@ -41,11 +42,11 @@ QUALITY: dict[int, FixKind] = {
 }  # fmt: skip
 _FIXED_ATTITUDE = (2, 4)
 _HEAD_BYTES, _LONGEST = 8, 8192
-_LIMIT = 1e9  # of what is known; else a number is -2e10
+_LIMIT = 1e9  # largest known value; an unknown one is -2e10
 _NO_TIME_MS, _NO_WEEK = 0xFFFFFFFF, 0xFFFF
 _GPS_EPOCH_S = calendar.timegm((1980, 1, 6, 0, 0, 0))
 _WEEK_S = 604_800.0
-USUAL_STD_M = 2.5  # of an axis where nothing is stated
+USUAL_STD_M = 2.5  # default of an axis without a stated value
 
 
 class SbfBlock(NamedTuple):

@@ -24,7 +24,7 @@ from agribot.drivers.ntrip import check_no_login
 
 Opened = TypeVar("Opened")
 BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
-CAN = "can"  # of motor boards alone
+CAN = "can"  # scheme of motor boards alone
 _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
 
 
@@ -41,12 +41,12 @@ class SourceUri(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the source, for people."""
+        """Name of the source, for people."""
         return self.path if not self.at else self.at + self.path.rstrip("/")
 
 
 class RosNetwork(NamedTuple):
-    """Where ROS 2 and ROS 1 are, if a URI does not say; asked when a source needs it.
+    """Addresses of ROS 2 and ROS 1, if a URI does not say; asked when a source needs it.
 
     Each raises a ConfigError if its setting is invalid.
     """
@@ -57,7 +57,7 @@ class RosNetwork(NamedTuple):
 
 
 class SourceContext:
-    """What sources are opened with, and what they share; it closes all of it.
+    """Shared objects of sources; it closes all of them.
 
     `refuse` gets what a source does not take, and why; `plugins` are `RunConfig.plugins`. Use it
     as a context.
@@ -95,11 +95,11 @@ OpenSource = Callable[[Sensor, SourceUri, SourceContext], SensorSource]
 
 
 class SourceKind(NamedTuple):
-    """What opens the sources of a scheme; a text is "module:function", imported when wanted."""
+    """Opener of a scheme's sources; a text is "module:function", imported when wanted."""
 
     opener: OpenSource | str
-    extra: str = ""  # of the installation, that it needs
-    example: str = ""  # how its URIs are written
+    extra: str = ""  # extra of the installation that it needs
+    example: str = ""  # an example of its URIs
     needs_path: bool = True  # else what stands behind two slashes is enough, or nothing
     is_verbatim: bool = False  # `path` is all that stands behind the colon, as it is written
 

@@ -17,8 +17,8 @@ from agribot.drivers.heard import Heard
 from agribot.drivers.nmea import Sentence
 from agribot.drivers.ubx import NAV_PVT, UbxFrame
 
-PERIOD_S = 1.0  # of a status
-_JITTER_S = 0.2  # of arrivals, which stand for the period where no fix has a stamp
+PERIOD_S = 1.0  # period of a status
+_JITTER_S = 0.2  # jitter of arrivals, which stand for the period where no fix has a stamp
 NAV_DOP, NAV_SAT = (0x01, 0x04), (0x01, 0x35)
 RXM_RTCM, RXM_COR = (0x02, 0x32), (0x02, 0x34)
 _DOP = struct.Struct("<I7H")
@@ -26,18 +26,18 @@ _SAT_HEAD, _SAT = struct.Struct("<IBB2x"), struct.Struct("<BBBbhhI")
 _PVT_PDOP, _PVT_FLAGS3 = 76, 78
 _UBX_SYSTEMS = {0: "GP", 1: "SB", 2: "GA", 3: "GB", 5: "GQ", 6: "GL"}
 _NMEA_SYSTEMS = {"1": "GP", "2": "GL", "3": "GA", "4": "GB", "5": "GQ"}
-_SBAS_NUMBERS = range(33, 65)  # in NMEA, among those of GPS
+_SBAS_NUMBERS = range(33, 65)  # numbers in NMEA, among those of GPS
 _GLONASS_NUMBERS = range(65, 97)
-# Of NAV-PVT's lastCorrectionAge: at most so old; 12 and more are older.
+# Upper limits of the age by NAV-PVT's lastCorrectionAge; 12 and more are older.
 _AGE_LIMITS_S = (None, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)
 _OLDEST_S = 300.0
 _MOST_SATELLITES = 200
-_MOST_NUMBER = 999  # of a satellite: three digits, in NMEA and in gpsd
+_MOST_NUMBER = 999  # largest number of a satellite: three digits, in NMEA and in gpsd
 _DOP_NAMES = ("gdop", "pdop", "hdop", "vdop", "tdop")
 _COR_BYTES, _RTCM_BYTES = 12, 8
-_IS_RTCM3 = 1  # of RXM-COR's protocol
-_UNUSED, _USED = 1, 2  # of msgUsed; 0 is unknown
-_UNKNOWN_DOP = 99.9  # what receivers write without a fix
+_IS_RTCM3 = 1  # value of RXM-COR's protocol
+_UNUSED, _USED = 1, 2  # values of msgUsed; 0 is unknown
+_UNKNOWN_DOP = 99.9  # value that receivers write without a fix
 
 Key = tuple[str, int]
 
@@ -124,9 +124,11 @@ class Sky:
         for name in _DOP_NAMES:
             if name in report:
                 self._note_dop(name, float(report[name]))
-        told = report.get("satellites")
-        if told is not None:
-            self._seen = {("", ""): [_read_gpsd_satellite(s) for s in told[:_MOST_SATELLITES]]}
+        report_part = report.get("satellites")
+        if report_part is not None:
+            self._seen = {
+                ("", ""): [_read_gpsd_satellite(s) for s in report_part[:_MOST_SATELLITES]]
+            }
 
     def _is_early(self, stamp_s: float, arrived_s: float) -> bool:
         if stamp_s:
@@ -156,8 +158,8 @@ class Sky:
         for name, text in (("pdop", pdop), ("hdop", hdop), ("vdop", vdop)):
             if text:
                 self._note_dop(name, _read_number(text, 0.0, 1e3))
-        told = _NMEA_SYSTEMS.get(system[0], "") if system else ""
-        self._used |= {(told or _guess_system(sentence.talker, n), n) for n in numbers}
+        report_part = _NMEA_SYSTEMS.get(system[0], "") if system else ""
+        self._used |= {(report_part or _guess_system(sentence.talker, n), n) for n in numbers}
 
     def _join_satellites(self) -> tuple[Satellite, ...]:
         """Join signals: a satellite is as strong as its best; what GSA names is used."""
@@ -183,7 +185,7 @@ class CorrectionUse:
     def __init__(self) -> None:
         self.used: int | None = None
         self.unused: int | None = None
-        self._tells_cor = False
+        self._has_cor = False
 
     def add(self, frame: UbxFrame) -> None:
         """Add a frame of UBX; other kinds are left out."""
@@ -193,13 +195,13 @@ class CorrectionUse:
             info = int.from_bytes(payload[4:8], "little")
             if info & 0x1F == _IS_RTCM3:
                 self._count(info >> 7 & 3)
-        elif kind == RXM_RTCM and len(payload) >= _RTCM_BYTES and not self._tells_cor:
+        elif kind == RXM_RTCM and len(payload) >= _RTCM_BYTES and not self._has_cor:
             is_broken = payload[1] & 1
             self._count(_UNUSED if is_broken else payload[1] >> 1 & 3)
 
     def _begin_cor(self) -> None:
-        if not self._tells_cor:
-            self._tells_cor, self.used, self.unused = True, None, None
+        if not self._has_cor:
+            self._has_cor, self.used, self.unused = True, None, None
 
     def _count(self, use: int) -> None:
         if use in (_UNUSED, _USED):
@@ -246,14 +248,14 @@ def _read_ubx_satellite(payload: bytes, index: int) -> Satellite:
     )  # fmt: skip
 
 
-def _read_gpsd_satellite(told: Mapping[str, Any]) -> Satellite:
+def _read_gpsd_satellite(report_part: Mapping[str, Any]) -> Satellite:
     return Satellite(
-        system=_UBX_SYSTEMS.get(int(told.get("gnssid", 0)), "?"),
-        number=_read_satellite(told["PRN"]),
-        elevation_deg=_read_number(told.get("el", 0.0), -90.0, 90.0),
-        azimuth_deg=_read_number(told.get("az", 0.0), 0.0, 360.0),
-        snr_db=_read_number(told.get("ss", 0.0), 0.0, 99.0),
-        is_used=bool(told.get("used", False)),
+        system=_UBX_SYSTEMS.get(int(report_part.get("gnssid", 0)), "?"),
+        number=_read_satellite(report_part["PRN"]),
+        elevation_deg=_read_number(report_part.get("el", 0.0), -90.0, 90.0),
+        azimuth_deg=_read_number(report_part.get("az", 0.0), 0.0, 360.0),
+        snr_db=_read_number(report_part.get("ss", 0.0), 0.0, 99.0),
+        is_used=bool(report_part.get("used", False)),
     )
 
 

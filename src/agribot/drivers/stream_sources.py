@@ -26,8 +26,8 @@ from agribot.drivers.receiver_decoder import HeadingMount, ReceiverDecoder
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.drivers.uri_options import UriOptions
 
-# What passes at least from the epoch of a fix until its last byte: u-blox receivers compute for
-# 40 to 100 ms and send a NAV-PVT for 26 ms at 38400 baud.
+# Least time from the epoch of a fix until its last byte: u-blox receivers compute for 40 to 100 ms
+# and send a NAV-PVT for 26 ms at 38400 baud.
 GNSS_LATENCY_S = 0.06
 BAUD = {"gnss": 38400, "imu": 57600}
 

@@ -6,8 +6,8 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-# Longest wait of what a line has not taken, s: an older speed is not safe to drive with, and the
-# board stops by itself.
+# Longest wait of bytes that a line has not taken, s: an older speed is not safe to drive with, and
+# the board stops by itself.
 LONGEST_WAIT_S = 0.1
 MOST_WAITING = 16
 

@@ -24,17 +24,18 @@ LONGEST_PAYLOAD = 8192
 _INNER_TRIES = 4  # beginnings of frames within one that does not end
 NAV_PVT, NAV_HPPOSLLH, NAV_RELPOSNED = (0x01, 0x07), (0x01, 0x14), (0x01, 0x3C)
 PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
-PVT_BYTES = 92  # of a receiver that says all of it
+PVT_BYTES = 92  # size from a receiver that sends all fields
 HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
 RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
-# Of NAV-PVT: by dead reckoning alone, 2D, 3D, 3D with dead reckoning, and time only.
+# Values of NAV-PVT: by dead reckoning alone, 2D, 3D, 3D with dead reckoning, and time only.
 FIX_TYPES = (1, 2, 3, 4, 5)
 _UNMEASURED: dict[int, FixKind] = {1: DEAD_RECKONING, 5: HELD}
 _CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
-# Of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading valid.
+# Flags of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading
+# valid.
 _HAS_HEADING, _HEADING_MASK = 0b1_0011_0101, 0b1_0011_1101
 _YEARS = range(1980, 2500)
-_KNOWS_TIME = 0b11  # of NAV-PVT: date and time of day are valid
+_KNOWS_TIME = 0b11  # flags of NAV-PVT: date and time of day are valid
 
 
 class UbxFrame(NamedTuple):
@@ -114,7 +115,7 @@ def make_frame(kind: tuple[int, int], payload: bytes) -> bytes:
 
 
 class Baseline(NamedTuple):
-    """From a receiver's own base antenna to its rover antenna, by the time of the week."""
+    """Vector from a receiver's own base antenna to its rover antenna, by the time of the week."""
 
     stamp_s: float
     heading_deg: float

@@ -37,7 +37,7 @@ _UNMEASURED: dict[int, FixKind] = {1: DEAD_RECKONING, 5: HELD}
 _IS_OK, _IS_DIFFERENTIAL = 1, 2  # flags of NAV-SOL and NAV-STATUS
 _GPS_EPOCH_S = calendar.timegm((1980, 1, 6, 0, 0, 0))
 _WEEK_S = 604_800.0
-_SAME_S = 0.5  # between two statements of the same time
+_SAME_S = 0.5  # largest gap between two statements of the same time
 _LEAST_CM = 1
 
 Parts = dict[tuple[int, int], bytes]
@@ -58,9 +58,9 @@ class OlderFixes:
 
     def __init__(self) -> None:
         self._epochs: EpochJoiner[tuple[int, int]] = EpochJoiner()
-        self._offset_s = 1.0  # of UTC from the time of the week, once that is known
+        self._offset_s = 1.0  # offset of UTC from the time of the week, once that is known
         self._last_ms = 0
-        self.lacks_fix = False  # of the epoch that the newest frame has completed
+        self.lacks_fix = False  # whether the epoch that the newest frame has completed lacks a fix
         self.is_refused = False  # since the receiver does not call it good
 
     def add(self, frame: UbxFrame) -> list[StampedFix]:

@@ -24,7 +24,7 @@ CFG_VALSET, CFG_RATE, CFG_MSG, CFG_NAV5, CFG_CFG = (
     (0x06, 0x8A), (0x06, 0x08), (0x06, 0x01), (0x06, 0x24), (0x06, 0x09),
 )  # fmt: skip
 DYNAMIC_MODELS = {"portable": 0, "pedestrian": 3, "automotive": 4}
-LEAST_VALSET_PROTOCOL = 27.0  # of the ninth generation; the eighth has other messages
+LEAST_VALSET_PROTOCOL = 27.0  # protocol of the ninth generation; the eighth has other messages
 _RAM, _KEPT = 0b001, 0b110  # layers: now; after switching off (battery and flash)
 _RATE_MEAS, _DYNMODEL = 0x30210001, 0x20110021
 # Keys of CFG-MSGOUT for I2C; those of UART1, UART2 and USB follow.
@@ -38,14 +38,14 @@ _OUTPUT_KEYS = {
     RXM_COR: 0x209106B6,
 }
 _PORTS = (1, 2, 3)  # UART1, UART2, USB
-_RTCM_INPUTS = (0x10730004, 0x10750004, 0x10770004)  # of the same ports
-_VALUE_FORMATS = {1: "B", 2: "B", 3: "H", 4: "I"}  # by the bits 28 to 30 of a key
-_SECTIONS = 0x1F1F  # of CFG-CFG, all
+_RTCM_INPUTS = (0x10730004, 0x10750004, 0x10770004)  # messages of RTCM on the same ports
+_VALUE_FORMATS = {1: "B", 2: "B", 3: "H", 4: "I"}  # formats by the bits 28 to 30 of a key
+_SECTIONS = 0x1F1F  # all sections of CFG-CFG
 _VERSION_WORDS = 30
 
 
 class SetupPlan(NamedTuple):
-    """How a receiver shall work; `model` is one of DYNAMIC_MODELS."""
+    """Settings of a receiver; `model` is one of DYNAMIC_MODELS."""
 
     rate_hz: float = 10.0
     model: str = "automotive"
@@ -95,7 +95,7 @@ def _write_messages(plan: SetupPlan) -> list[bytes]:
 
 
 class Version(NamedTuple):
-    """Of a receiver, from MON-VER."""
+    """Version of a receiver, from MON-VER."""
 
     model: str
     protocol: float
@@ -107,12 +107,12 @@ def read_version(payload: bytes) -> Version:
     words += [
         _read_text(payload[k : k + _VERSION_WORDS]) for k in range(40, len(payload), _VERSION_WORDS)
     ]
-    told = dict(word.partition("=")[::2] for word in words if "=" in word)
+    stated = dict(word.partition("=")[::2] for word in words if "=" in word)
     try:
-        protocol = float(told.get("PROTVER", "0"))
+        protocol = float(stated.get("PROTVER", "0"))
     except ValueError:
         protocol = 0.0
-    return Version(told.get("MOD", words[1]), protocol)
+    return Version(stated.get("MOD", words[1]), protocol)
 
 
 def _read_text(data: bytes) -> str:

@@ -12,8 +12,8 @@ from agribot.core.geo import compass_deg_from_yaw
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality
 from agribot.drivers import ubx
 
-RUN_BEGINS = dt.datetime(2026, 5, 4, 9, 30, tzinfo=dt.UTC)  # of a run's time 0; a Monday
-GPS_AHEAD_S = 18  # of UTC, since 2017
+RUN_BEGINS = dt.datetime(2026, 5, 4, 9, 30, tzinfo=dt.UTC)  # date of a run's time 0; a Monday
+GPS_AHEAD_S = 18  # lead over UTC, since 2017
 FRAMES_OF_FIX = 2
 NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 TIME_ACCURACY_NS = 30

@@ -10,11 +10,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-RULES_FILE = "/etc/udev/rules.d/71-agribot-boards.rules"  # after 60-serial.rules
+RULES_FILE = "/etc/udev/rules.d/71-agribot-boards.rules"  # file that is read after 60-serial.rules
 # Numbers that chips have from the factory, all the same.
 LEAST_DIGITS, LEAST_DIFFERENT = 6, 3
 FACTORY_NUMBERS = ("0123456789ABCDEF", "123456789ABCDEF", "0123456789")
-_SAFE = re.compile(r"[A-Za-z0-9#+\-.:=@_]+")  # what udev lets through, and no pattern of its own
+_SAFE = re.compile(r"[A-Za-z0-9#+\-.:=@_]+")  # letters that udev lets through, without its patterns
 
 Properties = Mapping[str, str]
 
@@ -38,12 +38,12 @@ def write_rule(name: str, properties: Properties, others: Sequence[Properties] =
     """
     by_number = ("ID_VENDOR_ID", "ID_MODEL_ID", "ID_SERIAL_SHORT", "ID_USB_INTERFACE_NUM")
     keys = by_number if _is_real(properties, others) else ("ID_PATH",)
-    told = {key: properties[key] for key in keys if properties.get(key)}
-    if not {"ID_SERIAL_SHORT", "ID_PATH"} & set(told):
+    matched = {key: properties[key] for key in keys if properties.get(key)}
+    if not {"ID_SERIAL_SHORT", "ID_PATH"} & set(matched):
         return ""
-    if not all(map(_SAFE.fullmatch, (name, *told.values()))):
+    if not all(map(_SAFE.fullmatch, (name, *matched.values()))):
         return ""
-    matches = ", ".join(f'ENV{{{key}}}=="{value}"' for key, value in told.items())
+    matches = ", ".join(f'ENV{{{key}}}=="{value}"' for key, value in matched.items())
     return f'ACTION!="remove", SUBSYSTEM=="tty", {matches}, SYMLINK+="{name}"'
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 SYNC = b"\xaa\x44\xb5"
 BESTNAV, UNIHEADING = 2118, 972
 NAMES = {BESTNAV: "BESTNAV", UNIHEADING: "UNIHEADING"}
-# What NovAtel, ComNav and Bynav call theirs, whose fields are those of UNIHEADING.
+# Names of this sentence at NovAtel, ComNav and Bynav; the fields are those of UNIHEADING.
 HEADINGS = (NAMES[UNIHEADING], "HEADING", "HEADING2", "DUALANTENNAHEADING")
 LONGEST_BODY = 8192
 LONGEST_LINE = 1024
@@ -43,7 +43,7 @@ class UnicoreDecoder:
 
     def __init__(self) -> None:
         self._waiting = bytearray()
-        self.is_binary = False  # of what was found last
+        self.is_binary = False  # whether the last message found was binary
         self.bad = 0
 
     def feed(self, data: bytes) -> list[UnicoreFrame]:

@@ -35,7 +35,7 @@ _BY_QUALITY: dict[FixKind, tuple[str, ...]] = {
 QUALITY = {name: quality for quality, names in _BY_QUALITY.items() for name in names}
 _COMPUTED = ("SOL_COMPUTED", 0)
 _LEAST_STD = 1e-3
-# Of the ASCII forms, the fields that are read, in the order of the numbers below.
+# Fields of the ASCII forms that are read, in the order of the numbers below.
 _NAV_FIELDS = (2, 3, 4, 5, 7, 8, 25, 26, 27, 29)
 _HEADING_FIELDS = (3, 6)
 
@@ -49,7 +49,7 @@ class Solution(NamedTuple):
 
 
 class UnicoreHeading(NamedTuple):
-    """From the first antenna to the second one, clockwise from North."""
+    """Heading from the first antenna to the second one, clockwise from North."""
 
     stamp_s: float
     heading_deg: float

@@ -44,8 +44,8 @@ from agribot.drivers.vesc_packets import (
 )
 
 SET_RPM, FORWARD_CAN = 8, 34
-STEPS_PER_ELECTRICAL_TURN = 6  # of the tachometer
-PAUSE_S = 0.2  # without a reading, after which questions are marked anew
+STEPS_PER_ELECTRICAL_TURN = 6  # steps of the tachometer
+PAUSE_S = 0.2  # time without a reading, after which questions are marked anew
 LOCAL = -1
 
 
@@ -69,12 +69,13 @@ class VescBoard:
         self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
         self._decoder = VescDecoder()
         self._values, self._now_s = FreshValues[VescValues](now_s), now_s
-        self._marks, self._marked_s = (0, 0), now_s()  # of the newest questions, and before those
+        # Marks of the newest questions, and of those before.
+        self._marks, self._marked_s = (0, 0), now_s()
         self._counts: dict[int, CounterOf32Bits] = {}
 
     @property
     def broken(self) -> int:
-        """How many packets were broken."""
+        """Count of broken packets."""
         return self._decoder.bad
 
     def open(self) -> bytes:
@@ -94,8 +95,8 @@ class VescBoard:
     def feed(self, data: bytes) -> list[StampedReport]:
         found = []
         for payload in self._decoder.feed(data):
-            told = (read_values(payload, make_mask(mark)) for mark in self._marks)
-            values = next(filter(None, told), None)
+            values_by_id = (read_values(payload, make_mask(mark)) for mark in self._marks)
+            values = next(filter(None, values_by_id), None)
             if values is not None and (report := self._add(values)):
                 found.append(StampedReport(0.0, report))
         return found
@@ -125,21 +126,21 @@ class VescBoard:
             return None
         self._values.put(one, values)
         self._counts.setdefault(one, CounterOf32Bits()).add(values.tachometer)
-        told = self._values.take()
-        if len(told) < len(self._ids):
+        values_by_id = self._values.take()
+        if len(values_by_id) < len(self._ids):
             return None
         self._values.clear()
         self._marks, self._marked_s = (0, 0), self._now_s()  # nothing older is under way
-        return self._report(told)
+        return self._report(values_by_id)
 
-    def _report(self, told: Mapping[int, VescValues]) -> BoardReport:
-        by_wheel = [told[one] for one in self._wheels]
+    def _report(self, values_by_id: Mapping[int, VescValues]) -> BoardReport:
+        by_wheel = [values_by_id[one] for one in self._wheels]
         steps = STEPS_PER_ELECTRICAL_TURN * self._electrical_turns / math.tau
         turns = self._electrical_turns
         a, b, c, d = (self._counts[one].total / steps for one in self._wheels)
         e, f, g, h = (v.erpm * math.tau / 60.0 / turns for v in by_wheel)
         faults = tuple(name for name, v in zip(WHEEL_NAMES, by_wheel, strict=True) if v.fault)
-        ours = [told[one] for one in self._ids]
+        ours = [values_by_id[one] for one in self._ids]
         return BoardReport(
             wheels=WheelSample(
                 t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h), faults=faults

@@ -33,7 +33,7 @@ FAULTS = (
 
 
 class VescValues(NamedTuple):
-    """What one controller answers."""
+    """Answer of one controller."""
 
     controller: int
     erpm: float
@@ -104,8 +104,10 @@ def make_mask(mark: int) -> int:
 @functools.cache
 def _make_format(mask: int) -> struct.Struct:
     """Make the format of an answer: its number, the mask; what marks it is skipped; the values."""
-    told = {bit: f"{struct.calcsize(one)}x" for bit, one in _MARKS.items()} | _FORMATS
-    return struct.Struct(">BI" + "".join(told[bit] for bit in sorted(told) if mask >> bit & 1))
+    formats = {bit: f"{struct.calcsize(one)}x" for bit, one in _MARKS.items()} | _FORMATS
+    return struct.Struct(
+        ">BI" + "".join(formats[bit] for bit in sorted(formats) if mask >> bit & 1)
+    )
 
 
 def read_values(payload: bytes, mask: int = MASK) -> VescValues | None:

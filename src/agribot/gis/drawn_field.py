@@ -24,7 +24,7 @@ LEAST_UNSURE_M = 0.1
 # a robot that does not know its place so well has drawn its own error, which may be more.
 SIMPLIFIED_M, MOST_SIMPLIFIED_M = 0.02, 0.1
 DECIMALS = 9  # a tenth of a millimetre
-EDGE_M = 0.05  # corners of the boundary are as exact as that
+EDGE_M = 0.05  # accuracy of the boundary's corners
 
 
 class DrawnRow(NamedTuple):

@@ -11,8 +11,8 @@ from agribot.core.errors import MissionError
 from agribot.gis.formats.kinds import make_outline
 
 Member = dict[str, Any]
-# Of the smaller of two fields; neighbours on a map overlap by less. What overlaps more is kept, so
-# that it is refused where it crosses the boundary.
+# Largest share of the smaller of two fields; neighbours on a map overlap by less. A larger overlap
+# is kept, so that it is refused where it crosses the boundary.
 MOST_OVERLAP_RATIO = 0.05
 MAX_NAMED = 20
 
@@ -133,9 +133,9 @@ def _belongs(feature: Member, field: Member) -> bool:
     """Return whether a feature belongs to a field, by its file's reference or by its place."""
     from shapely.geometry import shape
 
-    told = feature["properties"].get("partfield")
-    if told is not None:
-        return bool(told == field["properties"].get("partfield"))
+    partfield = feature["properties"].get("partfield")
+    if partfield is not None:
+        return bool(partfield == field["properties"].get("partfield"))
     outline = make_outline(field["geometry"])
     if feature["geometry"]["type"] != "Polygon":
         return bool(shape(feature["geometry"]).intersects(outline))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 MAX_EXTENT_M = 20_000.0
-MAX_OFFSET_M = 20_000.0  # a local map is flat only near its origin
+MAX_OFFSET_M = 20_000.0  # largest offset: a local map is flat only near its origin
 MIN_LINE_M = 0.1
 
 

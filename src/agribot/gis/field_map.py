@@ -11,7 +11,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum
 from agribot.description.ros_map import FREE, MAX_CELLS, OCCUPIED, RosMap
 
-AROUND_M = 2.0  # beyond the boundary
+AROUND_M = 2.0  # margin beyond the boundary
 
 
 def make_field_map(area: FieldArea, datum: Datum, resolution_m: float) -> RosMap:

@@ -128,8 +128,8 @@ def find_other_crs(crs: object) -> str:
 
     Empty for WGS-84, or if the member names none.
     """
-    told = crs.get("properties") if isinstance(crs, dict) else None
-    name = (told.get("name") or told.get("href")) if isinstance(told, dict) else crs
+    crs_name = crs.get("properties") if isinstance(crs, dict) else None
+    name = (crs_name.get("name") or crs_name.get("href")) if isinstance(crs_name, dict) else crs
     return "" if not name or str(name).endswith(("CRS84", "4326")) else str(name)[:100]
 
 

@@ -22,11 +22,11 @@ Ring = Sequence[MapPoint]
 
 # Ground that cleaning a ring may add or take, and that is lost without a word, m2.
 CLEANED_M2, SPECK_M2 = 0.01, 0.01
-TOUCH_M = 0.01  # an obstacle so near to the edge is at the edge
+TOUCH_M = 0.01  # distance from the edge within which an obstacle is at the edge
 
 
 class GroundFault(MissionError):
-    """What is wrong with a field, and where: `text` is the message without the place."""
+    """Fault of a field and its place: `text` is the message without the place."""
 
     text: str = ""
     at_map_m: MapPoint = (0.0, 0.0)

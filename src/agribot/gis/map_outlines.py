@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 Ring = tuple[tuple[float, float], ...]
-MOST_RUNS = 50_000  # of cells in a line
-MOST_CORNERS = 20_000  # of all areas together
+MOST_RUNS = 50_000  # runs of cells in a line
+MOST_CORNERS = 20_000  # corners of all areas together
 
 
 def outline_cells(ros_map: RosMap, states: Collection[int]) -> tuple[Ring, ...]:

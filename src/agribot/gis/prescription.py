@@ -29,7 +29,7 @@ MAX_EXTENT_M = 20_000.0
 MAX_CELLS = 4_000_000
 LEAST_CELL_M = 0.1
 _LEAST_CORNERS = 3
-_PLACES = 400  # that are asked of a field
+_PLACES = 400  # places that a field is asked for
 
 
 class Zone(NamedTuple):
@@ -72,11 +72,11 @@ def _read_polygons(name: str, data: bytes, column: str) -> Iterator[Zone]:
     if not areas:
         raise ValueError("no zone in it: a zone is a polygon with a rate")
     for number, area in enumerate(areas, 1):
-        told = {key.lower(): value for key, value in area["properties"].items()}
-        wanted = [column.lower()] if column else [name for name in COLUMNS if name in told]
-        value = told.get(wanted[0]) if wanted else None
+        columns = {key.lower(): value for key, value in area["properties"].items()}
+        wanted = [column.lower()] if column else [name for name in COLUMNS if name in columns]
+        value = columns.get(wanted[0]) if wanted else None
         if value is None:
-            known = ", ".join(sorted(told.keys() - {"kind", "name"}))[:200] or "none"
+            known = ", ".join(sorted(columns.keys() - {"kind", "name"}))[:200] or "none"
             raise ValueError(
                 f"zone {number} has no rate; its columns: {known}; name the one with litres per "
                 "hectare, treatment.prescription_column"

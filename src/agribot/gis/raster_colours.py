@@ -22,16 +22,16 @@ CUT_PERCENT = (2.0, 98.0)  # black and white, as GIS programs stretch pictures
 # Numbers that stand for "no data" by habit, where a file does not state one.
 USUAL_NODATA = (-9999.0, -99999.0, -32768.0, -32767.0, -10_000.0, 65_535.0)
 _BEYOND_DATA = 1e20  # a number as large, such as the least of a float, stands for none, too
-_OPAQUE_SHARE = 0.5  # of the pixels that an alpha band shows, those that it shows fully
-_MASK_VALUES = 16  # an alpha band of no more values is one, whatever they are
-_INDEX_MOST = 2.0  # of vegetation indices and reflectance, which no heights are
-_SMOOTH_RATIO = 0.02  # of the step between neighbours to the span: ground, not a picture
+_OPAQUE_SHARE = 0.5  # share of fully shown pixels among those that an alpha band shows
+_MASK_VALUES = 16  # largest number of values by which an alpha band is one
+_INDEX_MOST = 2.0  # largest value of vegetation indices and reflectance; heights have more
+_SMOOTH_RATIO = 0.02  # step between neighbours over the span: ground, not a picture
 _HEIGHT_WORDS = re.compile(r"(?i)(^|[^a-z])(dem|dsm|dtm|dgm|chm|ndsm|heights?|elevation)([^a-z]|$)")
 _METRES = ("m", "metre", "meter", "metres", "meters")
 
 
 class RasterColours(NamedTuple):
-    """How to draw a raster.
+    """Colours of a raster.
 
     `bands` are the numbers, from 1, of red, green and blue, or of the one grey band. `alpha` is
     the number of the alpha band, whose highest value is `alpha_top`; `untagged` is the number of a

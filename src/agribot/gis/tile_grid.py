@@ -14,7 +14,7 @@ from agribot.core.errors import ConfigError
 
 TILE_PX = 256
 MAX_ZOOM = 24
-HALF_M = math.pi * 6378137.0  # of the square of the whole world
+HALF_M = math.pi * 6378137.0  # half the side of the square of the whole world
 MAX_LAT_DEG = 85.05112878
 
 

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import msgspec
 
 TIMEOUT_S = 900.0
-# What pytest calls a session in which nothing was selected.
+# Status of pytest for a session in which nothing was selected.
 _NO_TESTS = 5
 _COMPARE: dict[str, Callable[[float, float], bool]] = {
     "==": operator.eq,
@@ -68,7 +68,7 @@ class PartTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class ProofOutcome(msgspec.Struct, frozen=True):
-    """How a proof ended; `reason` is empty where it passed."""
+    """End of a proof; `reason` is empty where it passed."""
 
     id: str
     state: State

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.sim.plant_judge import find_pairs, find_percentile
 
-MATCH_RADIUS_M = 0.05  # on the ground; a plant farther from every true one was not there
-MATCH_IOU = 0.5  # above it, no segment has two partners
+MATCH_RADIUS_M = 0.05  # distance on the ground; a plant farther from every true one was not there
+MATCH_IOU = 0.5  # overlap above which no segment has two partners
 
 Mask = npt.NDArray[np.bool_]
 

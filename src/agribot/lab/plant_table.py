@@ -32,7 +32,7 @@ def _format(value: float | None, decimals: int = 2, unit: str = "", scale: float
     return "-" if value is None else f"{value * scale:.{decimals}f}{unit}"
 
 
-# Title of a column -> what it says of the scores.
+# Title of a column -> its text for the scores.
 COLUMNS: dict[str, Callable[[PlantScores], str]] = {
     "crops": lambda s: str(s.crops_truth),
     "recall": lambda s: _format(s.crop_recall),

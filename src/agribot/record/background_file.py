@@ -10,14 +10,14 @@ from contextlib import suppress
 from pathlib import Path
 
 WAITING_BYTES = 256_000_000  # minutes of a stalled disk; more is a fault
-# On a disk that is full the recording gives back its end, at most half of it: the state and the
-# report of the run are worth more than its last seconds.
+# Room on a full disk that the recording gives back from its end, at most half of it: the state and
+# the report of the run are worth more than its last seconds.
 ROOM_BYTES = 1_000_000
 STALLED_S = 30.0  # a disk that takes nothing for this time at the end takes nothing more
 
 
 class BackgroundFile:
-    """What a writer needs of a file: `write`, `tell`, `flush`, `close`.
+    """The functions of a file that a writer needs: `write`, `tell`, `flush`, `close`.
 
     An error of the disk comes with the next call. Bytes reach the disk in their order.
     Raises: OSError: the file cannot be created or written, or the disk has stalled for too long.

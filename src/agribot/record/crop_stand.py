@@ -11,8 +11,8 @@ from agribot.autonomy.weeds.plant_table import PlantTable, is_crop
 from agribot.core.messages import FloatArray, Row
 from agribot.core.row_shape import project_on_row, row_length_m
 
-BESIDE_ROW_M = 0.15  # farther off the line it is no plant of the row
-GAP_RATIO = 1.5  # of the spacing: a longer way between two plants is a gap
+BESIDE_ROW_M = 0.15  # largest distance of a row's plants from its line
+GAP_RATIO = 1.5  # gap over the spacing: a longer way between two plants is a gap
 # Fewer plants than this share of what the camera saw as crop: they touch, and cannot be counted.
 COUNTABLE_RATIO, LEAST_SEEN_M = 0.5, 1.0
 
@@ -33,7 +33,7 @@ class RowStand(NamedTuple):
 
     @property
     def missing(self) -> int:
-        """How many plants would fill the gaps."""
+        """Count of plants that would fill the gaps."""
         if self.spacing_m is None:
             return 0
         lengths_m = self.gaps_m[:, 1] - self.gaps_m[:, 0]

@@ -20,7 +20,7 @@ GREY = "#8a8f98"
 ORANGE = "#d98324"
 # Crops and weeds differ by shape, because not everybody can distinguish their colours.
 CROP_MARKER, WEED_MARKER = "^", "o"
-# Stands for text and axes; in SVG it becomes the page's own text colour.
+# Colour of text and axes; in SVG it becomes the page's own text colour.
 INK = "#1f2328"
 
 _MAX_POINTS = 1200

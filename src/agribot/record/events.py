@@ -107,7 +107,7 @@ def make_event(
 
 
 class _RowStory:
-    """What the robot believes of the row that it is in."""
+    """The robot's account of the row that it is in."""
 
     def __init__(self, index: int, t_s: float, s_m: float) -> None:
         self.index, self._t_s, self._from_m, self._to_m = index, t_s, s_m, s_m
@@ -123,7 +123,7 @@ class _RowStory:
             self._looks += 1
             self._seen += record.estimate.row_seen
 
-    def tell(self, t_s: float, *, is_done: bool) -> str:
+    def describe(self, t_s: float, *, is_done: bool) -> str:
         seen = 100 * self._seen / max(self._looks, 1)
         crop = f", crop seen {seen:.0f} % of the time" if self._looks else ""
         return (
@@ -144,7 +144,7 @@ class EventSieve:
         self._mission: tuple[str, tuple[object, ...], tuple[object, ...]] = ("", (), ())
         self._objection: tuple[object, ...] = ()
         self._warning: tuple[str, Fact | None] = ("", None)
-        self._facts: list[Fact] = []  # of the events of this tick
+        self._facts: list[Fact] = []  # facts of this tick's events
         self._unproven: tuple[int, ...] = ()
         self._estimate_ok = False
         self._doubt: tuple[object, ...] = ()
@@ -208,7 +208,7 @@ class EventSieve:
     def _note_row(self, t_s: float, record: TickRecord) -> None:
         status, row = record.status, self._row
         if row is not None and status.row != row.index:
-            self._add(t_s, "row", row.tell(t_s, is_done=row.index in status.rows_done))
+            self._add(t_s, "row", row.describe(t_s, is_done=row.index in status.rows_done))
             self._row = None
         if status.row >= 0 and self._row is None:
             self._row = _RowStory(status.row, t_s, status.s_m)
@@ -263,8 +263,8 @@ class EventSieve:
         if gate.state != before.state:
             reason = f"{before.state} -> {gate.state}: {gate.reason}"
             self._add(t_s, "gate", reason, gate.fact, gate.state)
-        told = find_kind(gate.told_fact)
-        if told and told not in (find_kind(before.told_fact), find_kind(said)):
+        kind = find_kind(gate.told_fact)
+        if kind and kind not in (find_kind(before.told_fact), find_kind(said)):
             self._add(t_s, "fault", gate.told, gate.told_fact)
 
     def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:

@@ -64,7 +64,7 @@ _Extract = Callable[[Any], float | tuple[float, ...] | None]
 
 
 def _get_time(row: tuple[float, ...]) -> float:
-    """Of a recorder that wrote its messages in another order than they came."""
+    """Return the time of a row, for recorders that wrote messages out of order."""
     return row[0]
 
 

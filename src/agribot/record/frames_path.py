@@ -13,9 +13,9 @@ from agribot.record.bag.source import Bag
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 # Frames that move with the robot, the most usual first; else the one that moves furthest.
 BASE_FRAMES = ("base_footprint", "base_link", "dummy_link", "base", "footprint")
-MOVED_M = 0.05  # less is the jitter of a robot that stands
+MOVED_M = 0.05  # least motion; less is the jitter of a robot that stands
 SHORTEST = 1e-3  # a quaternion shorter than this has no direction
-MAX_DEPTH = 32  # of the tree of frames
+MAX_DEPTH = 32  # depth of the tree of frames
 
 Edge = tuple[str, str]  # parent and child
 

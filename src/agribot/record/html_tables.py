@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-_OPEN_ROWS = 12  # longer tables start folded
+_OPEN_ROWS = 12  # rows of an open table; longer ones start folded
 
 
 def render_table(heads: tuple[str, ...], body: list[list[str]]) -> str:

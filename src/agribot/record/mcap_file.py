@@ -46,7 +46,7 @@ class McapFile:
 
     @property
     def size_bytes(self) -> int:
-        """What went to the file; a chunk in progress does not count yet."""
+        """Bytes written to the file; a chunk in progress does not count yet."""
         return self._file.tell()
 
     def write(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int) -> None:

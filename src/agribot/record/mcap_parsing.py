@@ -39,7 +39,7 @@ _INDEX_ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 _FOOTER_BYTES, _CRC_BYTES = 20, 4
 _DATA_END_HEAD = HEAD.pack(Opcode.DATA_END, _CRC_BYTES)
 DATA_END_BYTES = len(_DATA_END_HEAD) + _CRC_BYTES
-_LARGEST_SUMMARY_BYTES = 64 << 20  # of one that is looked for; 2 kB a chunk are usual
+_LARGEST_SUMMARY_BYTES = 64 << 20  # size of a summary that is searched for; 2 kB a chunk are usual
 _PLAIN: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.FOOTER: Footer,
@@ -56,7 +56,7 @@ _PLAIN: dict[int, Any] = {
 
 
 class MessageIndex(NamedTuple):
-    """How many messages of a channel the chunk before it holds, and their times."""
+    """Count of a channel's messages in the chunk before it, and their times."""
 
     channel_id: int
     messages: int

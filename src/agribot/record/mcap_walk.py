@@ -28,7 +28,7 @@ _CHECKED_HEAD = re.compile(rb"[\x06\x09].{5}\x00{3}", re.DOTALL)
 _ANY_HEAD = re.compile(rb"[\x01-\x0f].{5}\x00{3}", re.DOTALL)
 _LINKS = 3  # records without a checksum that follow one another are taken for sound
 _WINDOW = 1 << 20  # bytes that are searched at once
-_INNER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)  # what a chunk holds
+_INNER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)  # records of a chunk
 _CHECKED = (Opcode.CHUNK, Opcode.ATTACHMENT)
 
 
@@ -87,7 +87,7 @@ class McapWalk:
         opcode, body = read_record(self._file, offset, self._size)
         record = parse_record(opcode, body) if opcode else None
         if isinstance(record, Message) and self._chunk is not None:
-            record = _tell_from_index(record, body)
+            record = _distinguish_from_index(record, body)
         if isinstance(record, MessageIndex) and not self._belongs(record):
             record = None
         return None if record is None else Outer(offset, offset + HEAD.size + len(body), record)
@@ -153,7 +153,7 @@ def _fits(record: Any, channel_ids: set[int]) -> bool:
     return not isinstance(record, Message) or record.channel_id in channel_ids
 
 
-def _tell_from_index(message: Message, body: bytes) -> Message | MessageIndex | None:
+def _distinguish_from_index(message: Message, body: bytes) -> Message | MessageIndex | None:
     """Distinguish a message from a message index whose opcode is damaged."""
     index = parse_record(Opcode.MESSAGE_INDEX, body)
     return message if index is None else index

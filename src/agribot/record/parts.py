@@ -19,7 +19,7 @@ from agribot.record.mcap_file import McapFile
 from agribot.record.mcap_records import list_later_parts, list_parts, part_path
 
 _MB = 1_000_000
-_LIVE_RATIO = 0.9  # of the clock's pace; a simulation that runs ahead of it can wait
+_LIVE_RATIO = 0.9  # share of the clock's pace; a simulation that runs ahead of it can wait
 
 
 class RecordingParts:
@@ -45,7 +45,7 @@ class RecordingParts:
         self._now_ns = self._flushed_ns = 0
         self._flushed_wall_s = 0.0
         later = [part for _, part in list_later_parts(path)]
-        for stale in (*list_parts(path)[1:], *later):  # of an earlier run in the same folder
+        for stale in (*list_parts(path)[1:], *later):  # parts of an earlier run in the same folder
             stale.unlink(missing_ok=True)
         self._file = McapFile(path)
         self._ending: list[McapFile] = []  # parts on their way to the disk

@@ -23,7 +23,7 @@ URDF_ATTACHMENT = "robot.urdf"
 WEED_MAP_ATTACHMENT = "weed_map.json"
 
 _SECOND_NS = 1_000_000_000
-FLUSH_NS = 500_000_000  # half of what may be lost; the disk may take the other half
+FLUSH_NS = 500_000_000  # half of the time that may be lost; the disk may take the other half
 
 
 class RunRecorder:

@@ -55,7 +55,7 @@ class FoundRowsReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CrushedReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How many crop plants each part of the robot crushed."""
+    """Count of crop plants crushed by each part of the robot."""
 
     wheel: int | None = None
     belly: int | None = None
@@ -138,7 +138,7 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What the implement did; `verb` says it of a weed: "sprayed".
+    """Work of the implement; `verb` says it of a weed: "sprayed".
 
     The worked ground is the truth of a simulator, the lines are what the implement believes.
     """
@@ -152,7 +152,7 @@ class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """What befell the robot; `code`, `parts` and `numbers` are those of its fact, if any."""
+    """A stop, refusal or fault; `code`, `parts` and `numbers` are those of its fact, if any."""
 
     t_s: float
     reason: str
@@ -165,7 +165,7 @@ Reaction = Literal["stopped", "held", "slowed", "named", "none"]
 
 
 class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What the robot did about a fault that was injected at `t_s`.
+    """Reaction of the robot to a fault that was injected at `t_s`.
 
     `detected_s` is the time of the first sign of it among the events, `reaction` the strongest of
     them, `reason` what the robot said then, of the part at fault if it did. `is_named`: some
@@ -233,7 +233,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What the robot believes beside what a simulator knows; null where the truth is unknown.
+    """The robot's account beside a simulator's; null where the truth is unknown.
 
     What is believed of an error is the root mean square of the 1 sigma that the robot stated.
     """
@@ -252,7 +252,7 @@ class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class JobReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Of a job in several runs, this one last; `lacks` is what of the earlier ones is lost."""
+    """A job in several runs, this one last; `lacks` is the lost part of the earlier ones."""
 
     runs: tuple[RunOfJob, ...]
     lacks: tuple[str, ...] = ()

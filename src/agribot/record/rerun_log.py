@@ -29,7 +29,7 @@ _NUMBERS = (
 )  # fmt: skip
 _GREEN, _BLUE, _WHITE = (20, 190, 60), (30, 140, 255), (230, 230, 230)
 _LINE_M, _GOAL_M = 0.02, 0.12
-_UNKNOWN_M = 100.0  # no place yet
+_UNKNOWN_M = 100.0  # deviation that means no place yet
 Show = Callable[[Any], None]
 
 
@@ -118,7 +118,7 @@ def _lay_out(views: Any) -> Any:
 
 
 class _RerunWriter:
-    """What each topic looks like; the tracks are drawn when all messages are read."""
+    """Writer of each topic's look; the tracks are drawn when all messages are read."""
 
     def __init__(self, rerun: Any, stream: Any) -> None:
         self._rerun, self._stream = rerun, stream

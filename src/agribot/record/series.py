@@ -18,7 +18,7 @@ from agribot.core.messages import FloatArray, MappedPlant, Path, Row, TickRecord
 from agribot.core.world import WorldSpec
 from agribot.record.events import Event
 
-_MIN_COURSE_SPEED_MPS = 0.15  # below it, the direction of a GNSS velocity is mostly noise
+_MIN_COURSE_SPEED_MPS = 0.15  # speed below which the direction of a GNSS velocity is mostly noise
 
 
 class RunSeries(msgspec.Struct, frozen=True, kw_only=True, eq=False):

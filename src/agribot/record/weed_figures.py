@@ -19,7 +19,7 @@ from agribot.record.crop_stand import RowStand
 from agribot.record.drawing import CROP_MARKER, GREEN, GREY, INK, ORANGE, WEED_MARKER, new_figure
 from agribot.record.map_figure import add_scale_bar
 
-_MOST_CELLS = 120  # along the longer side
+_MOST_CELLS = 120  # cells along the longer side
 _LEAST_CELL_M = 0.1
 _BLUR_M = 0.5  # 1 sigma of the circle in which weeds are counted, at least two cells
 _MARGIN_M = 0.8

@@ -25,7 +25,7 @@ _DECIMALS = 9  # 0.1 mm on the ground
 
 
 class PlantOnMap(Protocol):
-    """What the files need to know of a plant, whatever mapped it."""
+    """The facts of a plant that the files need, whatever mapped it."""
 
     @property
     def id(self) -> int: ...

@@ -12,9 +12,9 @@ from agribot.core.pose import Pose2
 from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import MAP_FRAME, ODOM_FRAME, load_types
 
-EARTH_FRAME = "wgs84"  # x is the longitude and y the latitude in degrees, as in mapviz
+EARTH_FRAME = "wgs84"  # frame with x the longitude and y the latitude in degrees, as in mapviz
 KNOWN = (MAP_FRAME, ODOM_FRAME, EARTH_FRAME)
-_LEAST_NORM = 1e-3  # of a quaternion: less is one that was left out
+_LEAST_NORM = 1e-3  # least norm of a quaternion: less is one that was left out
 _NORM_TOLERANCE = 0.05
 
 
@@ -98,6 +98,6 @@ def read_yaw(quaternion: Any) -> float | None:
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     if norm < _LEAST_NORM:
         return None
-    if not abs(norm - 1.0) < _NORM_TOLERANCE:  # so that NaN is refused, too
+    if not abs(norm - 1.0) < _NORM_TOLERANCE:  # written this way, NaN is refused, too
         raise BridgeError(f"the orientation {x:g}, {y:g}, {z:g}, {w:g} has not the length 1")
     return math.atan2(2.0 * (w * z + x * y), norm * norm - 2.0 * (y * y + z * z))

@@ -32,12 +32,12 @@ from agribot.core.messages import (
 from agribot.ros.frames import PeerFrames
 from agribot.ros.requests import Requests
 
-TAKEN_UP_S = 5.0  # until then the robot's status must show a new visit
+TAKEN_UP_S = 5.0  # time within which the robot's status must show a new visit
 KEPT_GOALS = 100
-_ARRIVED_M = 0.3  # from the place, where the robot stands at the end of its way
+_ARRIVED_M = 0.3  # distance from the place, where the robot stands at the end of its way
 _THERE_M, _THERE_RAD = 0.1, 0.2  # nearer than this it need not drive
 _SAME_PLACE_M = 0.05
-_MOST_PLACES = 1000  # of a visit
+_MOST_PLACES = 1000  # places of a visit
 
 Place = tuple[float, float, float | None]  # x, y (m, map), yaw (rad) where it matters
 GoalState = Literal[

@@ -16,7 +16,7 @@ from agribot.ros.graph_layout import find_columns, order_columns
 _CHAR_PX, _BOLD_PX, _LINE_PX, _PAD_PX = 7.3, 8.3, 18.0, 12.0
 _ROW_GAP_PX, _COLUMN_GAP_PX, _MARGIN_PX = 14.0, 56.0, 16.0
 _GAP_PER_HEIGHT, _MOST_GAP_PX = 0.08, 150.0  # room for the arrows of high columns
-_MOST_LINES = 12  # of topics in one box
+_MOST_LINES = 12  # lines of topics in one box
 _STYLE = """
 .graph text { font: 13px system-ui, sans-serif; fill: var(--ink, #16201b); }
 .graph .type, .graph .rate { font-size: 11.5px; fill: var(--muted, #55625b); }
@@ -34,7 +34,7 @@ class _Box(NamedTuple):
     key: str
     kind: str
     lines: tuple[tuple[str, str], ...]  # a name, and what stands behind it
-    span_px: float = 0.0  # of a gap for an edge: the width of its column
+    span_px: float = 0.0  # width of a gap for an edge: that of its column
 
     @property
     def width_px(self) -> float:
@@ -100,13 +100,13 @@ def _collect(graph: Graph) -> tuple[dict[str, _Box], list[tuple[str, str]]]:
         for first in range(0, len(topics), _MOST_LINES):
             some = topics[first : first + _MOST_LINES]
             key = f"t:{some[0].name}"
-            boxes[key] = _Box(key, "topic", tuple((each.name, _tell(each)) for each in some))
+            boxes[key] = _Box(key, "topic", tuple((each.name, _describe(each)) for each in some))
             edges += [(f"n:{node}", key) for node in publishers]
             edges += [(key, f"n:{node}") for node in subscribers]
     return boxes, edges
 
 
-def _tell(topic: GraphTopic) -> str:
+def _describe(topic: GraphTopic) -> str:
     return "" if topic.rate_hz is None else f"{topic.rate_hz:g} Hz"
 
 

@@ -22,12 +22,12 @@ STATES = "/joint_states"
 STATES_TYPE = "sensor_msgs/msg/JointState"
 TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
 SLOW = 0.5  # rad/s or m/s, where the description allows more
-SHORTEST_S = 0.2  # of a step
-LASTS_S = 1.0  # after its end a step that was commanded counts no more as the joint's place
+SHORTEST_S = 0.2  # shortest step
+LASTS_S = 1.0  # time after its end for which a commanded step counts as the joint's place
 
 
 class Limits(Protocol):
-    """What a description says of a joint."""
+    """Limits of a joint by its description."""
 
     @property
     def unit(self) -> str: ...
@@ -135,7 +135,7 @@ class JointJogger:
             return
         try:
             message = self._connection.decode(ros_type, data)
-        except BridgeError:  # of another definition
+        except BridgeError:  # a message of another definition
             return
         found = {
             str(name): float(position)

@@ -34,7 +34,7 @@ from agribot.ros.robot_link import OnAnswer, OnOutcome, RobotLink
 if TYPE_CHECKING:
     from agribot.ros.frames import PeerFrames
 
-MIN_INTERVAL_S = 0.005  # of twists; faster ones are dropped, except those that stop
+MIN_INTERVAL_S = 0.005  # least interval of twists; faster ones are dropped, except those that stop
 _REPORT_PERIOD_S = 5.0
 _KEPT_REASONS = 100
 _MOVING: frozenset[RequestWord] = frozenset(
@@ -56,7 +56,8 @@ SERVICES: tuple[tuple[str, AnyRequest], ...] = (
     ("/agribot/stop_recording", ControlRecording(action="stop")),
 )
 PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
-SET_POSE_SERVICE = "/agribot/set_pose"  # takes the pose from the parameters initial_pose
+# Service that takes the pose from the parameters initial_pose.
+SET_POSE_SERVICE = "/agribot/set_pose"
 
 
 class Requests:

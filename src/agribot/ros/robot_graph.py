@@ -60,7 +60,7 @@ _PARTS = (
     _Part("recorder", (), (topics.TICK,)),
     _Part("simulator", (topics.CLOCK, topics.GROUND_TRUTH, topics.IMU_BIAS)),
 )  # fmt: skip
-# What each sensor's samples come out as.
+# Topic of each sensor's samples.
 SENSOR_TOPICS = {"gnss": topics.FIX, "imu": topics.IMU, "mag": topics.MAGNETIC,
                  "wheels": topics.JOINT_STATES, "frames": topics.IMAGE}  # fmt: skip
 

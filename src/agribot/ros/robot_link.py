@@ -71,15 +71,15 @@ class _Asked:
         status = record.status
         done = f"'{self._word}' is taken; the mission is {status.state}"
         reason = f": {status.reason}" if status.reason else ""
-        self._tell(refusal is None, render(refusal) or done + reason)
+        self._report(refusal is None, render(refusal) or done + reason)
 
     def _give_up(self) -> None:
-        self._tell(
+        self._report(
             False,
             f"'{self._word}' was handed to the robot, which did not answer within "
             f"{PATIENCE_S:g} s; see whether its ticks arrive",
         )
 
-    def _tell(self, is_done: bool, text: str) -> None:
+    def _report(self, is_done: bool, text: str) -> None:
         if self._first.acquire(blocking=False):
             self._on_outcome(is_done, text)

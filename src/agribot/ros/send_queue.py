@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-DRAIN_S = 2.0  # to send what is queued when the run ends
+DRAIN_S = 2.0  # time to send the queue at the end of a run
 
 
 class SendQueue(Generic[T]):

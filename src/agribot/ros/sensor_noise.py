@@ -99,6 +99,6 @@ def describe(sensor: str, parameter: str) -> str:
         "offset": f"constant error, {unit}",
         "drift": f"standard deviation of a slow error, {unit}",
         "drift_frequency": "how fast the slow error changes, Hz",
-        "scale_error": "factor, 1 is none",
+        "scale_error": "factor, 1 is exact",
     }[parameter]
     return f"{about}; {smallest:g} to {largest:g}"

@@ -25,7 +25,7 @@ from agribot.ros.messages.topic_writer import TopicWriter
 from agribot.ros.send_queue import SendQueue
 
 QUEUE_TICKS = 50  # one second
-_SLOW_PERIOD_S = 1.0  # of the weed map
+_SLOW_PERIOD_S = 1.0  # period of the weed map
 _TRUTH_PERIOD_S = 0.1
 
 T = TypeVar("T")

@@ -26,7 +26,7 @@ _FRAME = "base_link"
 
 
 class TwistSink(NamedTuple):
-    """Where twists go in CDR; `describe` names its place and who listens there."""
+    """Target of twists in CDR; `describe` names its place and who listens there."""
 
     send: Callable[[bytes], None]
     close: Callable[[], None]
@@ -126,9 +126,9 @@ def open_dds_sink(topic: Topic, domain: int) -> TwistSink:
 
 def find_own_host(master_uri: str) -> str:
     """Find this machine's address as peers of the master see it: ROS_IP, or the way to it."""
-    told = os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME")
-    if told:
-        return told
+    host = os.environ.get("ROS_IP") or os.environ.get("ROS_HOSTNAME")
+    if host:
+        return host
     parts = urlsplit(master_uri)
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:

@@ -33,7 +33,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class TrueView(NamedTuple):
-    """What a frame truly shows, and from where: `map_from_camera` (4, 4) of the optical frame."""
+    """True content of a frame, and `map_from_camera` (4, 4) of the optical frame."""
 
     frame_index: int
     picture: Rendering

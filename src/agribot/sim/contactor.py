@@ -6,7 +6,7 @@ import math
 
 from agribot.core.messages import ContactorSample
 
-# From the command until the contacts are apart: four bytes at 9600 baud to a relay (4 ms), the
+# Time from the command until the contacts are apart: four bytes at 9600 baud to a relay (4 ms), the
 # relay (SRD-05VDC-SL-C: 10 ms at most), and the contactor that it holds (Schneider LC1D09BD: 16 to
 # 24 ms); from the data sheets, rounded up.
 OPENS_S = 0.04

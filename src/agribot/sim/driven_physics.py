@@ -16,7 +16,7 @@ HELD_BY_DRIVER = slice(kernel.BOARD_INTEGRAL, kernel.BOARD_INTEGRAL + len(WHEEL_
 
 
 class WheelDriver(Protocol):
-    """What turns the wheels, in the order of WHEEL_NAMES."""
+    """Driver of the wheels, in the order of WHEEL_NAMES."""
 
     def drive(self, dt_s: float, speed_radps: Four) -> Four:
         """Live through `dt_s` while the wheels turn so; gives the torques at the wheels, Nm."""

@@ -13,7 +13,7 @@ import numpy as np
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray
 
-STEP_M = 0.1  # between the places of the rectangle's outline that are looked at
+STEP_M = 0.1  # distance of the sampled places of the rectangle's outline
 
 
 class FieldEdge:
@@ -37,7 +37,7 @@ class FieldEdge:
         if self._clear_m > 0.0:
             return 0.0
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        map_from_body = np.array([[cos, sin], [-sin, cos]])  # of rows of places
+        map_from_body = np.array([[cos, sin], [-sin, cos]])  # rotation of rows of places
         places = self._outline @ map_from_body + (x_m, y_m)
         corners = (self._start - (x_m, y_m)) @ map_from_body.T
         return max(float(self._measure_m(places).max()), self._measure_depth_m(corners), 0.0)

@@ -42,7 +42,7 @@ from agribot.sim.underside import Part, Underside, build_underside
 LEAF_LIMIT = 0.5
 BEND_LIMIT = 0.5
 PASS_STEP_M = 0.02  # motion of any part of the robot after which the leaves are checked again
-LONGEST_STEP_M = 0.03  # what moves on by more in a tick is looked at on its way
+LONGEST_STEP_M = 0.03  # longest step; an object that moves farther in a tick is sampled on its way
 
 
 class Crowns(NamedTuple):
@@ -92,7 +92,7 @@ class PlantDamage:
         self._leaf_places = make_leaf_places()
         self._underside = build_underside(robot)
         self._reach_m = _measure_reach_m(self._underside, self._feet)
-        self._passed: FloatArray | None = None  # where the leaves were looked at last
+        self._passed: FloatArray | None = None  # leaves at the last look
         self._passed_pose: list[float] = []
         self._way_rad = 0.0
         self._left_m: list[float] = []

@@ -33,7 +33,7 @@ from agribot.sim.random_scenes import (
 
 # The field: from behind the camera to its end, and as far to both sides; metres.
 BEHIND_M, AHEAD_M, ASIDE_M = 0.5, 12.0, 4.0
-FRONT_RANGE_M = 9.0  # farther plants are too small to distinguish
+FRONT_RANGE_M = 9.0  # distance beyond which plants are too small to distinguish
 # Species, range of heights in metres, and share of the fields.
 FRONT_CROPS = (
     ("sugar_beet", 0.05, 0.30, 0.26),
@@ -47,12 +47,12 @@ FRONT_CROPS = (
     ("charlock", 0.05, 0.25, 0.04),
     ("goosefoot", 0.05, 0.25, 0.04),
 )
-# Of the crop's height: the median of the weeds, and the largest. A crop outgrows its weeds.
+# Shares of the crop's height: the median of the weeds, and the largest. A crop outgrows its weeds.
 WEED_SIZE_RATIO, LARGEST_RATIO = (0.2, 0.7), 0.85
 LEAST_WEED_M = 0.025
 WEEDS_PER_M2 = (0.8, 20.0)
-# How often the crop's own species is among the weeds, and how far from a row such a plant stands at
-# least, as a share of the way from row to row.
+# Probability of the crop's own species among the weeds, and the least distance of such a plant from
+# a row, as a share of the way from row to row.
 VOLUNTEER_SHARE, LEAST_OFF_ROW_RATIO = 0.5, 0.28
 VOLUNTEERS = ("sugar_beet", "fodder_beet", "lettuce", "carrot")
 STONY_SHARE, LOW_SUN_SHARE, HEADLAND_SHARE = 0.65, 0.5, 0.5

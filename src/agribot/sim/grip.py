@@ -10,7 +10,7 @@ from agribot.core.world import WorldSpec
 from agribot.sim.soil import compute_surface_friction
 from agribot.sim.tyre import Terrain
 
-CELL_M = 0.05  # a patch's edge is as wide as this, about the length of a tyre's contact
+CELL_M = 0.05  # width of a patch's edge, about the length of a tyre's contact
 MAX_SAMPLES = 4_000_000  # 32 MB; patches further apart get wider cells
 
 

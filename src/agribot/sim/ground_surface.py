@@ -12,10 +12,10 @@ from agribot.core.world import WorldSpec
 from agribot.sim.relief import Axes, has_relief, make_relief
 from agribot.sim.tyre import Terrain
 
-CELL_M = 0.02  # a rut has at least two samples across
+CELL_M = 0.02  # side of a cell: a rut has at least two samples across
 MAX_SAMPLES = 4_000_000  # 32 MB; a larger field gets wider cells
 MARGIN_M = 4.0  # around plants, rows and start, where wheels press ruts and relief lies
-LEAST_EXTENT_M = 24.0  # of relief
+LEAST_EXTENT_M = 24.0  # least extent of relief
 FADE_M = 1.0  # within the margin, to the plain ground at the edge
 UNCHANGED = (2**40, -1, 2**40, -1)
 

@@ -11,7 +11,7 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., object])
 SOURCES = Path(__file__).parent
-# Sums may be reordered and fused; NaN and infinity keep their meaning.
+# Flags of fast arithmetic: sums may be reordered and fused; NaN and infinity keep their meaning.
 FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 

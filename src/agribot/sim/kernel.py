@@ -19,19 +19,19 @@ from agribot.sim.soil import SoilLaw
 from agribot.sim.state import HISTORY_COLUMNS, MOST_WHEELS, Board, Inertial, Motor, StateViews
 from agribot.sim.tyre import Terrain, TyreLaw
 
-# Below this spin the rolling resistance fades out, so that a parked wheel is not driven by it.
+# Spin below which the rolling resistance fades out, so that a parked wheel is not driven by it.
 ROLLING_FADE_RADPS = 0.2
 TINY = 1e-9
-# The tread and the crumbs give way to this extent under the highest of what a tyre rests on.
+# Yield of tread and crumbs under the highest point of a tyre's support.
 ENVELOPE_SOFTNESS_M = 0.005
-# Below these speeds over ground the resistance of soil fades out, and a standing wheel sinks in.
+# Speeds over ground below which the resistance of soil fades out, and a standing wheel sinks in.
 COMPACTION_FADE_MPS = 0.02
 SINKING_S = 0.05
-MOST_SLIP = 0.5  # of the law of slip sinkage; beyond, assumed, it digs no deeper
+MOST_SLIP = 0.5  # largest slip in the law of slip sinkage; beyond, assumed, it digs no deeper
 MOST_SHEAR = 4.0  # times K: more displacement changes nothing
 # Cells behind the hub at which a rut is pressed, beyond what the wheel itself stands on.
 RUT_BEHIND, RUT_HALF, RUT_EVERY = 3.2, 0.75, 0.25
-RUT_WALL_SLOPE = 0.7  # of loose soil, 35 degrees
+RUT_WALL_SLOPE = 0.7  # slope of loose soil, 35 degrees
 # On soil a wheel stands on a plane through four places of its tread: shares of radius and width.
 TREAD_AHEAD, TREAD_ASIDE = 0.25, 0.25
 
@@ -274,7 +274,7 @@ def _compute_sinkage(
     wanted_m = max(whole_m - hard_m, back_m)
     relief = stiffness_npm * soil.sink_power * whole_m / (press_n + TINY)
     sink_m += renewed * (wanted_m - sink_m) / (1.0 + renewed * (1.0 + relief))
-    # What slip digs out is not pressed.
+    # The part that slip digs out is not pressed.
     deep_m = min(sink_m + hard_m, packed_m)
     if deep_m <= hard_m:
         return sink_m, back_m, 0.0
@@ -305,7 +305,7 @@ def _compute_shear(
     kept = length_m / (length_m + rolled_m)
     ahead_m = (sheared_m[0] + forward_mps * dt_s) * kept
     aside_m = (sheared_m[1] + left_mps * dt_s) * kept
-    stiffer = 1.0 / soil.aside_ratio  # what moves the soil aside counts for more
+    stiffer = 1.0 / soil.aside_ratio  # the aside ratio of the soil counts for more
     far_m = math.sqrt(ahead_m * ahead_m + (aside_m * stiffer) ** 2) + TINY
     limit = min(tyre.friction_longitudinal, tyre.friction_lateral, grip)
     most_n = min(

@@ -39,7 +39,7 @@ def load_library(model: mujoco.MjModel, data: mujoco.MjData) -> Library:
             f"no MuJoCo library in {folder}; reinstall with: pip install --force-reinstall "
             "mujoco-core"
         )
-    # By itself MuJoCo writes warnings to a file in the working folder.
+    # MuJoCo's default writes warnings to a file in the working folder.
     mujoco.set_mju_user_warning(_LOG.warning)
     library = ctypes.CDLL(str(found[0]))
 

@@ -33,12 +33,13 @@ from agribot.sim.tyre import POINT_CONTACT, make_envelope, make_tyre_law
 from agribot.sim.walkers import place_walkers
 
 SETTLE_S = 1.0
-# On rough ground the robot slides a little while it settles, and settles again where it belongs;
-# at last it stays where it came to rest, millimetres beside its mark.
+# Settlings on rough ground: the robot slides a little while it settles, and settles again where it
+# belongs; at last it stays where it came to rest, millimetres beside its mark.
 FINE_SETTLINGS = 3
-# The integral of a servo takes over what its gain alone would leave as an error of speed.
+# Time in which the integral of a servo takes over the error of speed that its gain alone would
+# leave.
 SERVO_RESET_S = 0.1
-WALKER_STEP_S = 0.004  # a walker near the robot is put in its place so often
+WALKER_STEP_S = 0.004  # step at which a walker near the robot is put in its place
 OVERTURNED_COS = 0.17  # 80 degrees of tilt
 
 
@@ -276,7 +277,7 @@ class Physics:
                 self._move_to(xy_map_m, yaw_rad)
         qpos[7:] = 0.0
         qvel[:] = 0.0
-        # What the wheels need to hold the robot on its slope stays.
+        # The torque that holds the robot on its slope stays.
         held_nm = self._board_state[kernel.BOARD_HOLD].copy()
         self._board_state[:] = 0.0
         self._board_state[kernel.BOARD_HOLD] = held_nm

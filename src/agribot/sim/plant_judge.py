@@ -12,8 +12,8 @@ from agribot.core.messages import FloatArray, MappedPlant, PlantClass, Row
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import Plant
 
-MATCH_RADIUS_M = 0.10  # a mapped plant farther from every true one is a false alarm
-FAR = 1e3  # more than all near pairs of a group together
+MATCH_RADIUS_M = 0.10  # distance from every true plant beyond which a mapped one is a false alarm
+FAR = 1e3  # a sum larger than all near pairs of a group together
 Pairs = npt.NDArray[np.intp]
 
 

@@ -214,7 +214,7 @@ class SimPlatform:
 
     @property
     def gnss_latency_s(self) -> float:
-        """What passes from the epoch of a fix until it arrives."""
+        """Time from the epoch of a fix until it arrives."""
         return self._sensors.gnss.latency_s
 
     def _measure_truth(self) -> Truth:
@@ -261,7 +261,7 @@ class SimPlatform:
 
     @property
     def plants(self) -> PlantStates:
-        """What has become of all plants; nothing but the simulator may change it."""
+        """State of all plants; nothing but the simulator may change it."""
         return self._plants
 
     @property

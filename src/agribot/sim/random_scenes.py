@@ -34,12 +34,12 @@ ALL_CROPS = (
 )
 ALL_CROP_SHARE = (0.2, 0.15, 0.15, 0.125, 0.125, 0.125, 0.125)
 FIELD_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
-# The last five the packaged networks have learned as seedlings alone, or not at all.
+# All weeds; the packaged networks have learned the last five as seedlings alone, or not at all.
 ALL_WEEDS = (*FIELD_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
 WEED_HEIGHT_M = (0.025, 0.17)
-POST_DEPTH_M = 0.15  # in the ground, also where that lies low
+POST_DEPTH_M = 0.15  # depth of posts in the ground, also where it lies low
 POST_WIDTH_M, FULL_WIDTH_FROM_M = (0.03, 0.2), 0.3  # lower ones are thinner
-# From the first true leaves on; a preset's growth makes them still smaller.
+# Crops from the first true leaves on; a preset's growth makes them still smaller.
 YOUNG_CROPS = (
     ("sugar_beet", 0.05, 0.26),
     ("lettuce", 0.05, 0.20),
@@ -50,7 +50,7 @@ YOUNG_CROPS = (
 
 
 class Variety(NamedTuple):
-    """What may grow on a random field, and how it lies.
+    """Plants that may grow on a random field, and its relief.
 
     `weed_share` is None where all are as likely. With `has_litter` the soil has residue, stones
     and wet patches. On `rough_share` of the fields a preset of conditions sets ground and light;
@@ -63,7 +63,8 @@ class Variety(NamedTuple):
     weed_share: tuple[float, ...] | None = None
     has_litter: bool = False
     rough_share: float = 0.0
-    spacing_m: tuple[float, float] | None = None  # from crop to crop; None: with room between them
+    # Distance of neighbouring crops; None: with room between them.
+    spacing_m: tuple[float, float] | None = None
     weeds_per_m2: tuple[float, float] | None = None  # None: up to 20
     post_share: float = 0.0
 
@@ -77,7 +78,8 @@ ROUGH = Variety(
     weed_share=(0.18, 0.18, 0.18, 0.18, 0.07, 0.07, 0.07, 0.07),
     rough_share=0.5,
 )
-# From the seedling that has just come up to rows that close, and weeds from none to a carpet.
+# Dense fields, from the seedling that has just come up to rows that close, and weeds from none to a
+# carpet.
 DENSE = Variety(
     (
         ("sugar_beet", 0.03, 0.26),

@@ -22,8 +22,8 @@ from agribot.sim.walkers import place_walkers
 
 BOX, CYLINDER, BALL, CROWN = range(4)
 KIND_OF = {"box": BOX, "cylinder": CYLINDER, "sphere": BALL}
-# A solid is a row: its kind, radius of the ball around it, its middle in the map, its axes as the
-# rows of a rotation, and half sizes along them. A crown is the upper half of its ellipsoid.
+# Columns of a solid's row: its kind, radius of the ball around it, its middle in the map, its axes
+# as the rows of a rotation, and half sizes along them. A crown is the upper half of its ellipsoid.
 COLUMNS = 17
 GROUND_STEP_M = 0.05
 HALVINGS = 20
@@ -171,7 +171,7 @@ def _meet_solid(
         enter, leave = _cross_slab(pz, dpz, hz, enter, leave)
     else:
         enter, leave = _cross_quadric(px / hx, py / hy, pz / hz, dpx / hx, dpy / hy, dpz / hz)
-        if kind == CROWN:  # from its foot to its top: a slab around the middle of that
+        if kind == CROWN:  # a slab from its foot to its top, around the middle of both
             enter, leave = _cross_slab(pz - hz / 2.0, dpz, hz / 2.0, enter, leave)
     return enter if enter <= leave else math.inf
 

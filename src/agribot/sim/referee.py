@@ -43,8 +43,9 @@ from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
 from agribot.sim.weed_reasons import PlantsOnMap
 
-KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
-SLICE_M = 0.25  # of row length, for the coverage
+# Distance within which a row counts as driven: farther off, the wheels come near the plants.
+KEPT_ROW_M = 0.25
+SLICE_M = 0.25  # row length of a slice, for the coverage
 SAME_PLACE_M = 0.05  # ends of rows that another plan numbers anew
 
 

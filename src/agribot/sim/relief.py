@@ -17,22 +17,22 @@ from agribot.core.world import GroundTile, Relief, WorldSpec
 from agribot.sim.jit import compile_exact
 from agribot.sim.random_streams import make_stream
 
-# Random ground is the sum of two periodic squares, the second turned and of another period, so
-# that their sum repeats nowhere.
+# Side of a tile. Random ground is the sum of two periodic squares, the second turned and of another
+# period, so that their sum repeats nowhere.
 TILE_SAMPLES = 1024
 TILE_PERIODS_M, TILE_TURNS_RAD = (17.0, 13.7), (0.0, 0.6)
 SHORTEST_M, LONGEST_M = 0.1, 5.0
-CELL_M = 1.0  # clods are drawn for each square metre by itself
+CELL_M = 1.0  # side of the square metre whose clods are drawn by themselves
 SMALLEST_CLOD_M = 0.01
 WIDEST_CLOD_M = 0.08
 RIDGE_PITCH_M = 1.0  # the widest ridge with its furrows
 RIDGE_CLODS_RATIO = 0.5  # share of its clods that a packed ridge keeps
 ROW_END_M = 0.5  # length of ridges and tracks beyond the plants at the ends
-SHOULDER_M = 0.03  # of a wheel track
+SHOULDER_M = 0.03  # width of a wheel track's shoulder
 STONE_HEIGHT_M, STRAW_HEIGHT_M = 0.015, 0.004
 
 
-Grid = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]  # of single or double precision
+Grid = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]  # grid of single or double precision
 Indices = np.ndarray[tuple[int, ...], np.dtype[np.signedinteger[Any]]]
 
 

@@ -19,8 +19,8 @@ from agribot.core.world import Obstacle, WorldSpec
 
 ROBOT_BIT, OBSTACLE_BIT = 1, 2
 BASE = "base_link"
-WALKER = "walker:"  # before the names of walkers: obstacles may have the same
-PART_MARK = "#"  # between the name of an obstacle and the number of its part
+WALKER = "walker:"  # mark before the names of walkers: obstacles may have the same
+PART_MARK = "#"  # mark between the name of an obstacle and the number of its part
 # Rubber or paint on a wall; more lets the wheels climb it and turn the light robot over.
 OBSTACLE_FRICTION = (0.3, 0.005, 0.0001)
 KINDS = {

@@ -16,15 +16,15 @@ from agribot.core.row_shape import (
     start_yaw_rad,
 )
 
-# A found row is a true one's where its middle and both ends lie so near to its line.
+# Largest distance of a found row's middle and both ends from the line of its true row.
 SAME_ROW_M = 0.3
-# The crop of a drawn row is what stands so near to its line, and then to the line of that crop.
+# Largest distance of crop from a drawn row, and then from the line of that crop.
 CROP_OF_ROW_M = (0.4, 0.25, 0.15)
 LEAST_PLANTS = 3
 
 
 class FoundRowsScore(msgspec.Struct, frozen=True, kw_only=True):
-    """How many rows were found, of how many, and how well; None where nothing was measured.
+    """Count of found rows, of all rows, and their error; None where nothing was measured.
 
     `invented` are found rows where none stands, or where one was found already. Offsets are
     across a true row at both ends and in the middle of the found one, `end_error_m_max` is along

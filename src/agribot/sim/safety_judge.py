@@ -19,7 +19,7 @@ MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1
 STANDING_MPS = 0.02
 MOST_STANDS = 1000
-CUT_S = 1.0  # from a stop, until a board that drives on has lost its power at the latest
+CUT_S = 1.0  # time from a stop until a board that drives on has lost its power at the latest
 
 
 class Crush(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,15 +66,15 @@ class StopWatch:
     def __init__(self, robot: RobotSpec | None) -> None:
         self._robot = robot
         self.longest_m, self.allowed_m = 0.0, None if robot is None else 0.0
-        self._too_long = 0  # of the stops that are over
-        self._way_m: float | None = None  # of the stop that lasts
+        self._too_long = 0  # count of stops that are over
+        self._way_m: float | None = None  # way since the stop that lasts
         self._promised_m = math.inf
         self._was_moving = self._had_power = False
         self._last_xy: MapPoint | None = None
 
     @property
     def too_long(self) -> int:
-        """How many stops took more than was promised."""
+        """Count of stops that took more than was promised."""
         return self._too_long + (self._way_m is not None and self._way_m > self._promised_m)
 
     def look(self, xy_m: MapPoint, v_mps: float, *, is_stopped: bool, is_cut: bool = False) -> None:

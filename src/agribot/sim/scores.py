@@ -12,11 +12,11 @@ from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.messages import FloatArray, Row
 from agribot.sim.safety_judge import SafetyState
 
-BIN_M = 0.0005  # of the cross-track error, for its percentile over several runs
+BIN_M = 0.0005  # bin of the cross-track error, for its percentile over several runs
 
 
 class CrushedCount(msgspec.Struct, frozen=True, kw_only=True):
-    """How many crops each part of the robot crushed."""
+    """Count of crops crushed by each part of the robot."""
 
     wheel: int = 0
     belly: int = 0
@@ -137,7 +137,7 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     goals_map_m: tuple[tuple[float, float], ...]
     nearest_m: tuple[float | None, ...]
     crushed: tuple[int, ...]
-    crushed_by: tuple[int, ...] = ()  # what crushed each of `crushed`; as `Part`
+    crushed_by: tuple[int, ...] = ()  # cause of each of `crushed`; as `Part`
     brushed: tuple[int, ...] = ()
     person_distance_min_m: float | None = None
     treated: tuple[int, ...] = msgspec.field(name="sprayed")

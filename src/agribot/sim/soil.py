@@ -26,7 +26,7 @@ from agribot.sim.tyre import Terrain
 class SoilKind(NamedTuple):
     """A soil when dry; `wet_cone_index_kpa` and `wet_friction_ratio` are what water leaves."""
 
-    cone_index_kpa: float  # of the top 15 cm
+    cone_index_kpa: float  # cone index of the top 15 cm
     wet_cone_index_kpa: float
     k_c_npm: float  # N / m^(n + 1)
     k_phi_npm2: float  # N / m^(n + 2)
@@ -48,17 +48,17 @@ SOILS: dict[SoilClass, SoilKind] = {
     "tilled": SoilKind(450.0, 250.0, 52.53e3, 1127.97e3, 0.9, 4.83e3, 20.0, 0.010, 0.8),
     "soft": SoilKind(300.0, 120.0, 0.99e3, 1528.43e3, 1.1, 1.04e3, 28.0, 0.025, 0.8),
 }
-# What a rubber tread mobilises of the cohesion: assumed; tillage tools have 0.3 to 0.7.
+# Share of the cohesion that a rubber tread mobilises: assumed; tillage tools have 0.3 to 0.7.
 ADHESION_RATIO = 0.5
-# Soil gives way aside after a shorter displacement than along: 0.4 of K under rigid wheels on sand
-# (Ishigami, Miwa, Nagatani, Yoshida 2007, J. Field Robotics 24(3)). Assumed for tyres, such that
-# skid-steer robots turn as their makers found.
+# Displacement aside at which soil gives way, against that along: 0.4 of K under rigid wheels on
+# sand (Ishigami, Miwa, Nagatani, Yoshida 2007, J. Field Robotics 24(3)). Assumed for tyres, such
+# that skid-steer robots turn as their makers found.
 ASIDE_RATIO = 0.9
 # Brixius: most gross traction, its growth with the mobility number, deflection over section height.
 MOST_TRACTION, BRIXIUS_RATE, DEFLECTION_RATIO = 0.92, 0.1, 0.2
-# Of the sinkage; what springs back under the leaving wheel: assumed, dense soils have more.
+# Share of the sinkage that springs back under the leaving wheel: assumed, dense soils have more.
 ELASTIC_RATIO = 0.1
-# A rut of depth z is as hard as virgin soil at this share of z. Ruts then deepen by 1, 1.23, 1.36,
+# Depth of virgin soil as hard as a rut, as a share of the rut's. Ruts then deepen by 1, 1.23, 1.36,
 # 1.40 in four passes; Abebe, Tanaka, Yamazaki (1989) measured z n^(1/a) with a from 2 to 4.
 HARDENING_RATIO = 0.7
 
@@ -68,7 +68,7 @@ LEAST_STRENGTH_RATIO = 0.15
 
 
 class SurfaceFactor(NamedTuple):
-    """What is left where the surface is all covered."""
+    """Factors of the soil's strength where the surface is fully covered."""
 
     friction_ratio: float
     cone_index_ratio: float
@@ -91,7 +91,7 @@ class SoilLaw(NamedTuple):
     """
 
     is_rigid: bool
-    modulus: float  # of sinkage, N / m^(n + 2)
+    modulus: float  # modulus of sinkage, N / m^(n + 2)
     exponent: float
     sink_scale: float
     sink_power: float
@@ -99,7 +99,7 @@ class SoilLaw(NamedTuple):
     adhesion_npm: float
     tan_friction: float
     shear_m: float
-    aside_ratio: float  # of `shear_m`, for displacements to the side
+    aside_ratio: float  # share of `shear_m` for displacements to the side
     most_traction: float
     shear_damping_spm: float
     elastic_ratio: float

@@ -7,10 +7,10 @@ from typing import NamedTuple
 from agribot.core.messages import FloatArray
 
 # Columns of the history: the state after each physics step.
-POSITION = slice(0, 3)  # of base_link in the map
+POSITION = slice(0, 3)  # position of base_link in the map
 QUATERNION = slice(3, 7)  # map_from_base, w first
-VELOCITY = slice(7, 10)  # of base_link in the map
-ANGULAR = slice(10, 13)  # in base axes
+VELOCITY = slice(7, 10)  # velocity of base_link in the map
+ANGULAR = slice(10, 13)  # angular rate in base axes
 VELOCITY_GAIN = slice(13, 16)  # integral of the specific force at the IMU, base axes, m/s
 ANGLE_GAIN = slice(16, 19)  # integral of the angular rate, base axes, rad
 WHEEL_ANGLE = slice(19, 23)
@@ -20,8 +20,8 @@ EFFORT = slice(28, 32)  # torque of each motor as it arrives at the wheel, Nm
 TARGET = slice(32, 36)  # wheel speeds that the board wants
 FAULT = slice(36, 40)  # 1 where a wheel does not follow the command to its motor
 WORK = slice(40, 41)  # sum of |torque * speed| of the motors since the start, J
-DRAWN = slice(41, 42)  # from the battery by the motors since the start, J
-HISTORY_COLUMNS = 42  # of a robot with four wheels
+DRAWN = slice(41, 42)  # energy from the battery by the motors since the start, J
+HISTORY_COLUMNS = 42  # columns for a robot with four wheels
 # Behind them angle, speed, effort, target and fault of the wheels between the corners, each for
 # all of these wheels.
 MIDDLE_COLUMNS = 5

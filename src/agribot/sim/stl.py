@@ -12,7 +12,7 @@ from agribot.core.messages import FloatArray
 
 HEADER_BYTES, COUNT_BYTES = 80, 4
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
-FARTHEST = 1e6  # in the file's unit, often millimetres
+FARTHEST = 1e6  # largest coordinate in the file's unit, often millimetres
 OWN_PACKAGE = "package://agribot_description/"
 
 

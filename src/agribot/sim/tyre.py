@@ -18,7 +18,7 @@ import numpy as np
 from agribot.core.messages import FloatArray
 from agribot.core.robot import TyreSpec
 
-ENVELOPE_SHARES = (-0.66, -0.33, 0.0, 0.33, 0.66)  # of the radius, along the tread
+ENVELOPE_SHARES = (-0.66, -0.33, 0.0, 0.33, 0.66)  # shares of the radius, along the tread
 POINT_CONTACT = np.zeros((1, 3))
 
 

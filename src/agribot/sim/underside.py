@@ -17,15 +17,15 @@ from agribot.sim.rigid_body import BASE, find_carrier
 from agribot.sim.stl import find_mesh_file, read_stl
 
 CELL_M = 0.02
-SPACING_M = 0.01  # of the points on a shape's surface
-MOST_POINTS = 400  # along an edge: what is larger than 4 m is seen more coarsely
+SPACING_M = 0.01  # distance of the points on a shape's surface
+MOST_POINTS = 400  # points along an edge: a shape larger than 4 m is sampled more coarsely
 ROLLING_M = 0.01  # lower than this, a part rolls or slides on the ground: a caster, a sixth wheel
 IMPLEMENT = re.compile("implement|boom|nozzle|spray|hoe|blade|tool|cultivator", re.IGNORECASE)
 _LOG = logging.getLogger(__name__)
 
 
 class Part(IntEnum):
-    """What of the robot touches a plant; in reports by its name in lower case."""
+    """Part of the robot that touches a plant; in reports by its name in lower case."""
 
     WHEEL = 1
     BELLY = 2

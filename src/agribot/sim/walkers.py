@@ -18,7 +18,7 @@ from agribot.sim.rigid_body import compute_half_sizes_m
 from agribot.sim.underside import build_underside
 
 FAR_M = 5.0  # centres farther apart than the nearest by this are not measured in detail
-NEAR_M = 1e-9  # what rounding may do to a distance
+NEAR_M = 1e-9  # rounding of a distance
 
 
 class Outline(NamedTuple):

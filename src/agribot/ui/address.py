@@ -16,7 +16,7 @@ from agribot.core.home import find_home
 
 DEFAULT_PORT = 8080
 PORTS_TRIED = 20
-SEND_BUFFER_BYTES = 64 * 1024  # for one page; what waits in it is old by the time it is read
+SEND_BUFFER_BYTES = 64 * 1024  # buffer of one page; its content is old by the time it is read
 BACKLOG = 64
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 SELF_SIGNED = (

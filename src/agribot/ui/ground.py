@@ -21,7 +21,7 @@ from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import read_config, read_urdf
 from agribot.ui import wire
 
-_CORNERS = 24  # of a circle on the map
+_CORNERS = 24  # corners of a circle on the map
 
 Point = tuple[float, float]
 

@@ -16,7 +16,7 @@ from agribot.core.messages import (
 from agribot.core.platforms import runs_in_real_time
 from agribot.ui import wire
 
-RATE_OVER_S = 2.0  # of fixes; a longer pause between two of them begins it anew
+RATE_OVER_S = 2.0  # time over which the rate of fixes is measured; a longer pause begins it anew
 STATUS_LATE_S = 5.0  # age at which satellites, dilutions and corrections are no longer shown
 MOST_SHOWN = 64  # satellites; those that are used and strong first
 

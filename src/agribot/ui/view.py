@@ -37,7 +37,7 @@ from agribot.ui.receiver_view import ReceiverView
 SIGNALS_KEPT = 500  # ten seconds of ticks that no page has asked for yet
 TRACE_STEP_M = 0.02
 PATH_STEP_M = 0.05
-TILT_SHARE = 0.02  # of each new sample of the accelerometer: half a second at 100 Hz
+TILT_SHARE = 0.02  # share of each new sample of the accelerometer: half a second at 100 Hz
 _LEVEL: dict[str, wire.EventLevel] = {
     "fault": "fault",
     "stop": "warn",

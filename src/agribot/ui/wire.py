@@ -68,7 +68,7 @@ CAMERA_HEAD = struct.Struct(">BBHId")
 # The same from the robot to the server: kind, number, clock (ms), height and width. Pixels follow.
 PIXELS_HEAD = struct.Struct(">BIdHH")
 
-# How the name of a fact ends that stands beside its text.
+# Ending of the name of a fact that stands beside its text.
 FACT = "_fact"
 
 Vec2 = tuple[float, float]
@@ -692,7 +692,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     camera: CameraInfo | None
     wheel_joints: list[str]
     has_compass: bool = True
-    tool_width_m: float | None = None  # of its implement, which a plan is made for
+    tool_width_m: float | None = None  # width of its implement, which a plan is made for
 
 
 class SignalInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -969,14 +969,12 @@ class PanelInfo(msgspec.Struct, frozen=True, kw_only=True):
     fields: list[str] | UnsetType = UNSET
     schema: dict[str, Any] | UnsetType = UNSET
     needs_seat: bool | UnsetType = UNSET
-    type: str | UnsetType = UNSET  # of the display that draws a layer
+    type: str | UnsetType = UNSET  # type of the display that draws a layer
     style: dict[str, Any] | UnsetType = UNSET
     draw_order: int | UnsetType = UNSET
     visible: bool | UnsetType = UNSET
-    what: Literal["point", "polygon", "route"] | UnsetType = UNSET  # that a listener hears of
-    topic: str | UnsetType = (
-        UNSET  # that a layer shows, as SOURCE:NAME, in place of data of its own
-    )
+    what: Literal["point", "polygon", "route"] | UnsetType = UNSET  # shape that a listener hears of
+    topic: str | UnsetType = UNSET  # layer's source as SOURCE:NAME, in place of data of its own
 
 
 class ListedTopic(msgspec.Struct, frozen=True, kw_only=True):
@@ -1048,7 +1046,7 @@ class PanelReply(msgspec.Struct, frozen=True, kw_only=True):
     at_s: float = 0.0
 
 
-# What the page sends over HTTP, and what it reads there.
+# Bodies that the page sends over HTTP, and those that it reads there.
 SENT_BODIES = (
     Login, ReplayWish, MarkText, CalibrationStart, GoalPlace, PlanWish, ExportedView, TopicWishes,
 )  # fmt: skip
@@ -1101,12 +1099,12 @@ def read_server_message(data: str | bytes) -> ServerMessage:
 
 
 def read_robot_message(data: bytes) -> RobotMessage:
-    """From the robot's program to its own server, which trusts it."""
+    """Read a message of the robot's program to its own server, which trusts it."""
     return _from_robot.decode(data)
 
 
 def read_robot_order(data: bytes) -> RobotOrder:
-    """From the server to its own robot's program, which trusts it."""
+    """Read an order of the server to its own robot's program, which trusts it."""
     return _to_robot.decode(data)
 
 

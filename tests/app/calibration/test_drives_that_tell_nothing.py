@@ -84,5 +84,5 @@ def test_wheels_of_another_size_than_any_such_robots_are_not_taken_over(
 def test_without_encoders_the_antenna_is_not_known_to_be_ahead_or_behind(
     drives: dict[str, DriveSamples], settings: RunConfig
 ) -> None:
-    with pytest.raises(MissionError, match="nothing else tells forwards from backwards"):
+    with pytest.raises(MissionError, match="nothing else distinguishes forwards from backwards"):
         KINDS["antenna"].find(change(drives["antenna"], roll(0.0)), ROBOT, settings)

@@ -112,17 +112,17 @@ def test_a_low_battery_sends_the_robot_home_once() -> None:
     one.settle()
     one.along(0.0, 3.0)
     place = one.place(3.0)
-    one.mission.heed(low(19.0))
+    one.mission.obey_warning(low(19.0))
     for _ in range(3):
         goal = one.be_at(*place)
-        one.mission.heed(low(18.0))
+        one.mission.obey_warning(low(18.0))
     assert (goal.status.state, goal.status.leg) == ("running", "way home")
     assert goal.status.warning_fact == low(18.0)
     assert not goal.tool_on
     one.be_at(*place, "pause")
-    one.mission.heed(low(17.0))
+    one.mission.obey_warning(low(17.0))
     assert one.be_at(*place).status.state == "paused", "a person decides from now on"
-    one.mission.heed(None)
+    one.mission.obey_warning(None)
     assert one.be_at(*place).status.warning == ""
 
 
@@ -137,17 +137,17 @@ def test_a_battery_that_gets_low_while_the_robot_stands_sends_it_home_once_it_is
     for word in words:
         one.be_at(*place, word)
     for _ in range(10):
-        one.mission.heed(low(19.0))
+        one.mission.obey_warning(low(19.0))
         assert one.be_at(*place).status.state == "paused"
     one.be_at(*place, "resume")
     for _ in range(3):
-        one.mission.heed(low(18.0))
+        one.mission.obey_warning(low(18.0))
         status = one.be_at(*place).status
     assert (status.state, status.leg) == ("running", "way home")
     one.be_at(*place, "pause")
     one.be_at(*place, "resume")
     for _ in range(3):
-        one.mission.heed(low(17.0))
+        one.mission.obey_warning(low(17.0))
         assert one.be_at(*place).status.refusal == ""
 
 
@@ -156,7 +156,7 @@ def test_a_battery_that_gets_low_while_the_robot_stops_for_a_goal_is_heeded_too(
     place = drive.into_row(1)
     assert drive.goto(place, *HEADLAND, v_mps=0.2).status.leg == STOPPING
     for _ in range(5):
-        drive.mission.heed(low(19.0))
+        drive.mission.obey_warning(low(19.0))
         status = drive.be_at(*place).status
     assert (status.state, status.leg) == ("running", "way home")
 
@@ -169,7 +169,7 @@ def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so(
     one.settle()
     one.along(0.0, 3.0)
     for _ in range(20):
-        one.mission.heed(low(19.0))
+        one.mission.obey_warning(low(19.0))
         status = one.be_at(*one.place(3.0)).status
     assert status.state == "paused"
     why = Both(low(19.0), ErrandRefused("charge", Said("a post stands in the way")))
@@ -180,7 +180,7 @@ def test_without_a_way_home_a_low_battery_stops_the_robot_where_it_is() -> None:
     one = Ride(Mission(PaperTask(plan, ROWS), MISSION))
     one.settle()
     one.along(0.0, 3.0)
-    one.mission.heed(low(19.0))
+    one.mission.obey_warning(low(19.0))
     status = one.be_at(*one.place(3.0)).status
     assert status.state == "paused"
     assert isinstance(status.fact, Both) and status.fact.first == low(19.0)

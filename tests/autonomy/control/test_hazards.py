@@ -161,7 +161,7 @@ def test_an_item_that_is_not_good_holds_the_start_with_its_reason(
     assert status.reason == reason != ""
     assert [check.name for check in status.checks if not check.is_ok] == [item]
     gate.send(estimate=bad)
-    assert not gate.supervisor.gate.checks, "told once"
+    assert not gate.supervisor.gate.checks, "reported once"
     gate.send()
     status = gate.supervisor.gate
     assert status.state == "driving"

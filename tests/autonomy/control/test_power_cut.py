@@ -161,7 +161,7 @@ def test_the_power_comes_back_once_the_stop_is_cleared_and_all_wheels_stand(
     assert machine.stopped and "the motors have no power, and the wheels turn" in machine.stopped
     machine.wheels = None
     machine.go(2.0, STOP, state="paused")
-    assert machine.sent.is_power_cut, "it stands, and nobody has cleared the stop"
+    assert machine.sent.is_power_cut, "it stands, and the stop is not cleared"
     machine.go(REST_S + 0.5, STOP, "clear_stop", state="paused")
     assert not machine.stopped and not machine.sent.is_power_cut
     assert machine.go(1.0).drive == FORWARD
@@ -204,7 +204,7 @@ def test_a_stopped_robot_whose_wheels_nobody_sees_loses_its_power(machine: Machi
     machine.go(BLIND_S)
     assert machine.sent.is_power_cut
     machine.go(2.0, STOP, "clear_stop", state="paused")
-    assert machine.sent.is_power_cut, "nobody knows that they stand"
+    assert machine.sent.is_power_cut, "no report says that they stand"
 
 
 def test_a_robot_that_begins_stopped_begins_without_power_and_others_with_it() -> None:

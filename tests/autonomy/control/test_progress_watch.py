@@ -120,7 +120,7 @@ def test_a_robot_that_got_out_of_a_soft_place_by_itself_is_not_told_to_be_stuck(
     ride.kept_ratio, ride.slide_rad = 0.7, 0.0
     assert ride.go(8.0) == ""
     ride.kept_ratio = 0.02
-    assert "stuck or slipping" in ride.go(4.0), "and where it does not get on it is told"
+    assert "stuck or slipping" in ride.go(4.0), "a robot without headway is reported"
 
 
 def test_wheels_that_turn_against_each_other_end_what_was_before() -> None:

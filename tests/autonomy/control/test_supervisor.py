@@ -216,7 +216,7 @@ def test_a_sensor_that_never_spoke_is_a_fault_from_the_first_tick(sensor: str) -
     gate = Gate()
     batch = msgspec.structs.replace(gate.rover.batch(), **{sensor: ()})
     assert_stopped(*gate.send(batch=batch), "not reported yet")
-    assert gate.send()[1] == "", "nothing was stopped, so that nobody needs to clear it"
+    assert gate.send()[1] == "", "nothing was stopped, so there is no stop to clear"
 
 
 def tilted_batch(gate: Gate, accel_mps2: tuple[float, float, float]) -> SensorBatch:

@@ -124,7 +124,7 @@ def test_left_and_right_that_are_swapped_are_told_in_a_turn(rate_hz: float) -> N
     bench = Bench(lambda told: (told[1], told[0], told[1], told[0]), rate_hz)
     assert bench.drive(AHEAD, 2.0)[1] == ""
     after_s, found, _ = bench.drive(TURN, 2.0)
-    assert "turns the other way than told" in found
+    assert "turns the other way than commanded" in found
     assert after_s <= 1.0
 
 

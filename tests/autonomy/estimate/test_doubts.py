@@ -195,7 +195,7 @@ def test_after_a_slow_creep_a_person_who_goes_on_is_back_on_the_row() -> None:
 def test_rows_beside_their_map_are_a_finding_once_they_were_so_for_a_while(aside_m: float) -> None:
     _, estimates = drive(record(north, 20.0, seed=2), camera=True, aside_m=aside_m)
     assert not told(estimates)
-    assert any("disagree by 0." in e.reason for e in estimates), "until then nobody knows"
+    assert any("disagree by 0." in e.reason for e in estimates), "until then no pose is certain"
     after = [e for e in estimates if e.t_s > FROM_S]
     assert all(not e.reason for e in after)
     assert all(e.verdicts.camera.state == e.verdicts.gnss.state == "fine" for e in after)

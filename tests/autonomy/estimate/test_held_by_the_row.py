@@ -43,7 +43,7 @@ def test_a_turn_that_cost_the_wheels_half_a_metre_is_past_once_the_camera_held_t
     drive = Drive()
     assert drive.go(6.0).across_m < 0.15
     drive.ekf.x[Y] += LOST_M
-    assert drive.go(0.1).across_m > LOST_M, "nobody knows yet which of the two is right"
+    assert drive.go(0.1).across_m > LOST_M, "which of the two is right is still open"
     assert drive.go(1.0, is_held=True).across_m < 0.15
     assert drive.go(2.5).across_m < 0.2, "the row has decided, and no plant is in sight any more"
 

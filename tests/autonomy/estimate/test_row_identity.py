@@ -96,7 +96,7 @@ def test_a_few_weeds_taken_for_crop_beside_the_first_row_are_no_row() -> None:
 def test_once_a_person_has_told_the_row_it_asks_no_more() -> None:
     field = Field()
     field.drive(0, 1)
-    field.identity.take_as_told()
+    field.identity.confirm_row()
     assert not field.identity.doubt
     assert field.drive(0, 1, way_m=6.0) == math.inf
 

@@ -296,9 +296,9 @@ def test_a_battery_that_gets_low_in_the_moment_of_a_stop_is_heeded_after_it() ->
     latch.hold(Said("the bumper touches something in front"))
     moments: tuple[RequestWord | None, ...] = (None, "clear_stop", "resume")
     for action in moments:
-        one.mission.heed(BatteryLow(19.0, 20.0))
+        one.mission.obey_warning(BatteryLow(19.0, 20.0))
         one.ask(request(action) if action else None)
-    one.mission.heed(BatteryLow(18.0, 20.0))
+    one.mission.obey_warning(BatteryLow(18.0, 20.0))
     assert one.ask().leg == "way home"
 
 

@@ -94,7 +94,7 @@ def test_without_camera_or_crop_the_position_has_to_distinguish_rows(
     assert row_pitch_m(ROWS) == pytest.approx(1.0)
     assert status.rows_done == ((0, 1) if is_done else ())
     if not is_done:
-        assert "position too vague to tell it from the next over 4.0 m" in status.reason
+        assert "position too uncertain to exclude the next row over 4.0 m" in status.reason
         assert status.rows_unproven == (0, 1)
 
 

@@ -20,7 +20,7 @@ from agribot.core.facts import CameToBeCharged
 from agribot.description.loader import load_robot
 from agribot.lab.bench import long_mission
 from agribot.lab.bench.long_mission import (
-    WayToldNow,
+    ProgressLine,
     go_on,
     list_jobs,
     list_parts,
@@ -86,11 +86,15 @@ def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     assignment = assign(tmp_path)
     now_s = itertools.count(100.0, 2.0)  # two seconds pass between looks
     monkeypatch.setattr(long_mission, "read_clock", lambda: next(now_s))
-    tell, said, come = WayToldNow([assignment.out_dir, tmp_path / "not begun"]), [], []
+    describe_progress, said, come = (
+        ProgressLine([assignment.out_dir, tmp_path / "not begun"]),
+        [],
+        [],
+    )
     for _ in range(2):
         ticks = itertools.count()
         assert go_on(assignment, lambda ticks=ticks: next(ticks) == 900) is None  # type: ignore[misc]
-        said += [tell(), tell(), tell()]
+        said += [describe_progress(), describe_progress(), describe_progress()]
         come.append(read_mission(list_parts(assignment.out_dir)[-1]))
     assert said[:2] == said[3:5] == ["", ""], "news come every five seconds"
     assert [path.name for path in list_parts(assignment.out_dir)] == ["mission", "mission.2"]

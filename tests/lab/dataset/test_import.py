@@ -291,7 +291,7 @@ def test_a_name_that_nobody_explained_is_asked_about(
 ) -> None:
     assert imported(tmp_path, coco(), "--classes", "crop=beet") == 2
     said = capsys.readouterr().err
-    assert "nobody explained: thistle" in said
+    assert "without a meaning here: thistle" in said
     assert "--classes crop=beet,maize weed=*" in said
     assert imported(tmp_path, coco(), "--classes", "crops=beet") == 2
     assert "a class of weed, crop, soil, ignore" in capsys.readouterr().err

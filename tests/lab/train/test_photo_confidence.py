@@ -39,7 +39,7 @@ def test_a_fold_that_is_held_out_tells_it_to_the_training_on_all(
     assert found is not None and found.is_by_turns and found.images == 2
     assert found.error_after is not None
     assert read_temperatures(weights) == found.temperatures != AS_TRAINED
-    assert "each judged with what the others tell" in held.markdown()
+    assert "each judged by the others" in held.markdown()
 
     scores = ("--scores-from", str(weights.with_suffix(".json")))
     card, of_all = train(photos, tmp_path / "all", *scores)

@@ -38,7 +38,7 @@ SEEN = GnssStatus(
                   is_used=True),
     ),
 )  # fmt: skip
-TOLD = GpsdReport(AT_S, NOW_S, FIX, SEEN, is_accuracy_told=True)
+TOLD = GpsdReport(AT_S, NOW_S, FIX, SEEN, is_accuracy_known=True)
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_without_gps_time_the_stamp_is_this_machines_and_the_time_still_the_rece
 @pytest.mark.parametrize("is_checked", [True, False])
 def test_a_fix_whose_accuracy_nobody_tells_is_checked_or_told_as_such(is_checked: bool) -> None:
     settings = ClientSettings(check_fix_by_variance=is_checked)
-    stage = GpsdClient(Reports(TOLD._replace(is_accuracy_told=False)), settings)
+    stage = GpsdClient(Reports(TOLD._replace(is_accuracy_known=False)), settings)
     said = hear(stage)
     assert ("/fix" in said) is not is_checked
     assert {message.position_covariance_type for message in said.values()} == {0}

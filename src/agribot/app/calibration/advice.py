@@ -1,4 +1,4 @@
-"""What to do with a calibration's result, as lines of text."""
+"""Advice on a calibration's result, as lines of text."""
 
 from __future__ import annotations
 

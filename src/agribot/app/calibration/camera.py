@@ -26,7 +26,7 @@ from agribot.record.replay import read_config, read_ticks
 
 # Time after its start in which the filter learns its heading from the drive, s.
 SETTLE_S = 5.0
-# By how much a plant that is seen whole and alone differs in size from its usual one, at most.
+# Largest deviation in size of a plant that is seen whole and alone from its usual one.
 STEADY_RATIO = 0.15
 
 
@@ -66,7 +66,7 @@ class CameraDrive(NamedTuple):
 
     @property
     def heading_std_rad(self) -> float:
-        """Where it was known best."""
+        """Its best estimate, 1 sigma."""
         return float(np.quantile(self.track[:, 5], 0.1))
 
     @property

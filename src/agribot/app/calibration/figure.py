@@ -38,7 +38,7 @@ class FigureMotion(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """At the commanded rate."""
+        """Duration at the commanded rate."""
         return self.travel / abs(self.v_mps if self.is_leg else self.yaw_rate_radps)
 
 
@@ -68,7 +68,7 @@ TEST_RUN = (
 )
 
 
-# Along a crop row and back to where it began.
+# Motions along a crop row and back to where they began.
 ALONG_ROW = (
     FigureMotion("along the row", LEG_MPS, 0.0, 8.0),
     FigureMotion("back", -LEG_MPS, 0.0, 8.0),
@@ -121,7 +121,7 @@ class FigureDrive:
     ) -> None:
         self.driven = DriveSamples([], [], [])
         self.motion: FigureMotion | None = None
-        self.travelled = 0.0  # of the motion, in its unit
+        self.travelled = 0.0  # progress of the motion, in its unit
         self._drive, self._figure, self._tape = drive, figure, tape
         self._commands = self._run()
 

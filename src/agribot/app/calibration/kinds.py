@@ -34,7 +34,7 @@ from agribot.core.geo import rpy_from_rotation
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import RobotSpec
 
-WHEEL_TOLERANCE_RATIO = 0.1  # of a wheel's speed against the commanded one
+WHEEL_TOLERANCE_RATIO = 0.1  # tolerance of a wheel's speed against the commanded one
 
 
 ByDirection = tuple[float | None, ...]
@@ -73,8 +73,9 @@ class Kind(NamedTuple):
     figure: Sequence[FigureMotion]
     space_m: float
     find: Callable[[DriveSamples, RobotSpec, RunConfig], CalibrationResult]
-    needs_pictures: bool = False  # of plants: the square is a field, with a row under the robot
-    shows_directions: bool = False  # that the compass has seen
+    # Whether it needs pictures of plants: the square is a field, with a row under the robot.
+    needs_pictures: bool = False
+    shows_directions: bool = False  # whether it shows the directions that the compass has seen
 
     def suits(self, *, has_compass: bool, has_camera: bool) -> bool:
         """Whether a robot with these devices can be calibrated so."""
@@ -84,7 +85,7 @@ class Kind(NamedTuple):
 
     @property
     def ground(self) -> str:
-        """What it needs, as a person reads it."""
+        """The ground that it needs, for people."""
         square = f"{self.space_m:g} m × {self.space_m:g} m of firm, level"
         if self.needs_pictures:
             return f"{square} field around it, and a crop row between its wheels and ahead"

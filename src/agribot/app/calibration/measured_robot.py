@@ -41,7 +41,7 @@ def _check_ratio(robot: RobotSpec, name: str, measured: CalibrationConfig, most:
         raise DescriptionError(
             f"calibration.{name} = {value:g}: that of robot '{robot.name}' is {described:g} by its "
             f"description, and measured it can be {described / most:g} to {described * most:g}; "
-            "measure it again (agribot calibrate drive), or mend the description"
+            "measure it again (agribot calibrate drive), or fix the description"
         )
 
 

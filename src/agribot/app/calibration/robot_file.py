@@ -99,7 +99,7 @@ class RobotFile:
             tree = read_toml(self.path) if self.path.exists() else {}
         except ConfigError as error:
             raise ConfigError(
-                f"{self.path} cannot be read: {error}; mend it, or delete it to go back to the "
+                f"{self.path} cannot be read: {error}; fix it, or delete it to go back to the "
                 "robot's description"
             ) from error
         from_tree(tree, str(self.path))

@@ -33,7 +33,8 @@ Item = TypeVar("Item")
 
 PICTURE_ENDINGS = (".jpg", ".jpeg", ".png")
 MOST_PICTURES = 48  # looked at, evenly over all
-SHAPE_TOLERANCE = 0.02  # between the width to height ratios of pictures and of the described camera
+# Tolerance between the width to height ratios of pictures and of the described camera.
+SHAPE_TOLERANCE = 0.02
 
 
 class RowMountResult(msgspec.Struct, frozen=True, kw_only=True):

@@ -22,7 +22,7 @@ from agribot.core.messages import FloatArray, SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
 from agribot.record.replay import read_config, read_ticks
 
-GRAVITY_SHARE = 0.02  # of the accelerometer in the direction of up, per reading
+GRAVITY_SHARE = 0.02  # share of one accelerometer reading in the direction of up
 
 
 class MagResult(msgspec.Struct, frozen=True, kw_only=True):

@@ -29,7 +29,7 @@ _NOT_WHEELS = (
     "filter", "gps", "gnss", "fix", "navsat", "ublox", "map", "global", "vis", "slam", "truth",
     "icp", "lidar", "estimate",
 )  # fmt: skip
-_NMEA_VELOCITY = "/vel"  # of nmea_navsat_driver
+_NMEA_VELOCITY = "/vel"  # topic of nmea_navsat_driver
 _WHEELS = ("wheel", "velocity_controller", "base_controller", "diff_drive")
 
 

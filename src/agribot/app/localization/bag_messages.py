@@ -132,7 +132,7 @@ def _make(read: Callable[[Any], LogSample | None]) -> MakeReader:
     return lambda: lambda message, _: read(message)
 
 
-# By sensor, the types that are read, the most trusted first.
+# Types by sensor, the most trusted first.
 READERS: Mapping[LogSensor, Mapping[str, MakeReader]] = {
     "gnss": {
         "sensor_msgs/msg/NavSatFix": _make(read_named_fix),
@@ -156,7 +156,7 @@ COUNTS = tuple(
     f"std_msgs/msg/{name}"
     for name in ("Int16", "Int32", "Int64", "UInt32", "UInt64", "Float32", "Float64")
 )
-# A command and any vector have the same types: these are read only where their topic is named.
+# Types that are read only where their topic is named: a command and any vector have the same types.
 ONLY_NAMED = frozenset({TWIST, "geometry_msgs/msg/Vector3Stamped"})
 
 

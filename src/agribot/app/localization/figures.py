@@ -12,9 +12,9 @@ from agribot.core.messages import Estimate, FloatArray, GnssFix, Vec3
 from agribot.core.pose import Pose2
 from agribot.record.localization.result import FIX_COLUMNS, OutageResult
 
-AFTER_S = 60.0  # of the log; until then a filter finds its heading
-LAST_S = 3.0  # of an outage, in which its error is measured
-LONGEST_GAP_S = 1.0  # over which an estimate is moved on to a fix
+AFTER_S = 60.0  # start of the log that is left out; until then a filter finds its heading
+LAST_S = 3.0  # last part of an outage, in which its error is measured
+LONGEST_GAP_S = 1.0  # largest gap over which an estimate is moved on to a fix
 LIMIT_SIGMA2 = 9.0  # 3 sigma, squared
 
 
@@ -41,7 +41,7 @@ class ThinTable:
 
 
 class FixOffset(NamedTuple):
-    """How far a fix lies off a pose, m, and its squared distance by both sigmas."""
+    """Distance of a fix from a pose, m, and its square by both sigmas."""
 
     off_m: float
     nis: float

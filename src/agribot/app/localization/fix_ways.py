@@ -14,12 +14,12 @@ from agribot.core.messages import GnssFix
 # Ways of wheels and fixes are compared over this time, s, from this length on, m; their sum counts
 # from the last value on, m.
 WAY_S, LEAST_PIECE_M, WAY_SIGMA, LEAST_WAY_M = 5.0, 1.0, 4.0, 20.0
-LEAST_TURNS = 5  # from piece to piece; fewer show no agreement
-LONGEST_STEP_S = 1.0  # between two readings of the wheels; longer ones are gaps
+LEAST_TURNS = 5  # least turns from piece to piece; fewer show no agreement
+LONGEST_STEP_S = 1.0  # time between two readings of the wheels; longer ones are gaps
 
 
 class WheelWay:
-    """Where the wheels alone lead, from where the log begins."""
+    """Position by the wheels alone, from the start of the log."""
 
     def __init__(self) -> None:
         self.place_m = 0j
@@ -50,7 +50,7 @@ class FixWays:
 
     @property
     def turn_agreement(self) -> float:
-        """How far turns by fixes and by wheels agree: 1 fully, -1 they are mirrored, 0 unknown."""
+        """Agreement of turns by fixes and by wheels: 1 fully, -1 they are mirrored, 0 unknown."""
         by_fixes, by_wheels, both = self._turns.tolist()
         if self._turn_count < LEAST_TURNS or by_fixes * by_wheels == 0.0:
             return 0.0
@@ -58,7 +58,7 @@ class FixWays:
 
     @property
     def ratio(self) -> float | None:
-        """How many times as far as the fixes the wheels moved; None of too short a way.
+        """Way of the wheels over that of the fixes; None of too short a way.
 
         The median of the pieces does not hear single fixes that lie elsewhere.
         """

@@ -49,13 +49,13 @@ class LogEntry(NamedTuple):
 
 
 class LogChannel(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a sensor was read: a topic or a file; `others` are those that could have been."""
+    """Source of a sensor: a topic or a file; `others` are those that could have been."""
 
     sensor: LogSensor
     source: str
     kind: str
     others: tuple[str, ...] = ()
-    count: int = 0  # of messages, where the file says it
+    count: int = 0  # number of messages, where the file says it
 
 
 class RobotLog(Protocol):
@@ -63,12 +63,12 @@ class RobotLog(Protocol):
 
     @property
     def channels(self) -> tuple[LogChannel, ...]:
-        """Where its sensors are read, one for each."""
+        """The source of each of its sensors."""
         ...
 
     @property
     def notes(self) -> list[str]:
-        """What is wrong with the files, in words."""
+        """Faults of the files, in words."""
         ...
 
     def entries(self) -> Iterator[LogEntry]:

@@ -15,18 +15,19 @@ from agribot.core.errors import RecordingError
 NEEDED: dict[LogSensor, str] = {
     "odom": "odometry: Odometry, TwistStamped or JointState; the wheels carry the pose",
     "imu": "IMU: sensor_msgs/Imu; its gyro carries the heading",
-    "gnss": "GNSS: NavSatFix, GPSFix, NMEA or UBX; fixes tell the place",
+    "gnss": "GNSS: NavSatFix, GPSFix, NMEA or UBX; fixes give the position",
 }
 # Stamps may stand in another order than the log now and then, no more often, and no farther back.
 MOST_BACKWARDS_RATIO, MOST_BACK_S = 0.01, 2.0
-MOST_CLOCK_OFF_S = 1.0  # of the stamps of two sensors against the recorder's clock
+MOST_CLOCK_OFF_S = 1.0  # offset of two sensors' stamps against the recorder's clock
 DEGREES_PER_RAD = 180.0 / math.pi
-# Of a ratio that should be one, the range that no wrong unit reaches.
+# Range of a ratio that should be one; no wrong unit reaches it.
 LEAST_RATIO, MOST_RATIO = 0.4, 2.5
 MIRRORED = -0.5  # agreement of turns below which wheels and fixes are mirrored
 MOST_RADPS = 40.0  # the range of gyros ends at 2000 degrees a second
 _FACTORS = {1e-3: "km", 1e3: "mm", 1e2: "cm", 3.6: "km/h", 1.0 / 0.3048: "feet"}
-# A degree of longitude is shorter than one of latitude, as a robot drives both.
+# Least ratio of degrees. A degree of longitude is shorter than one of latitude, as a robot drives
+# both.
 LEAST_RADIANS_RATIO = 0.2 * DEGREES_PER_RAD
 
 

@@ -26,10 +26,10 @@ from agribot.record.picture_files import reduce_width
 from agribot.ros.messages.sensor_readers import make_image_readers
 
 MOST_PICTURES = 30  # looked at, evenly over the log; one takes about 1.3 CPU-s
-LEAST_PICTURES = 4  # with plants, in which rows of one camera are found
-LEAST_PLANTS_RATIO = 0.002  # of a picture with less than this, no row is sought
-WIDTH_PX = 640  # of a picture that is looked at; a larger one is reduced
-# A row line counts as found where it is likelier than this to be the right one.
+LEAST_PICTURES = 4  # least pictures with plants in which rows of one camera are found
+LEAST_PLANTS_RATIO = 0.002  # share of plants in a picture below which no row is sought
+WIDTH_PX = 640  # width of a picture in the search; a larger one is reduced
+# Probability above which a row line counts as the right one.
 LEAST_SURE = 0.5
 ANY = "auto"  # names the topic with the most pictures
 

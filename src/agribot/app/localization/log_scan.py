@@ -58,7 +58,7 @@ class SensorScan:
 
 
 class LogScan:
-    """What one pass over a log shows."""
+    """Results of one pass over a log."""
 
     def __init__(self, drive: DriveSpec) -> None:
         self._drive = drive
@@ -68,7 +68,7 @@ class LogScan:
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
         self._way = WheelWay()
-        self._ways: dict[str, FixWays] = {}  # by the frame of the receiver
+        self._ways: dict[str, FixWays] = {}  # ways by the frame of the receiver
 
     @property
     def start_s(self) -> float:
@@ -109,20 +109,20 @@ class LogScan:
 
     @property
     def turn_gain(self) -> float | None:
-        """How many times as fast as the wheels the gyro turns; None of too few turns."""
+        """Turn of the gyro over that of the wheels; None of too few turns."""
         slope, std = self.mount.fit_turns()
         gain = float(np.linalg.norm(slope))
         return gain if std < GAIN_STD_RATIO * gain else None
 
     @property
     def way_ratio(self) -> float | None:
-        """How many times as far as the fixes the wheels moved; None of too short a way."""
+        """Way of the wheels over that of the fixes; None of too short a way."""
         ways = self._ways.get(self.main_frame("gnss"))
         return None if ways is None else ways.ratio
 
     @property
     def turn_agreement(self) -> float:
-        """How far turns by fixes and by wheels agree: 1 fully, -1 they are mirrored, 0 unknown."""
+        """Agreement of turns by fixes and by wheels: 1 fully, -1 they are mirrored, 0 unknown."""
         ways = self._ways.get(self.main_frame("gnss"))
         return 0.0 if ways is None else ways.turn_agreement
 

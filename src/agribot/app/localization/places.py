@@ -6,7 +6,7 @@ import math
 
 from agribot.core.errors import BridgeError
 
-PER_DEGREE = 1e7  # of receivers that count whole numbers
+PER_DEGREE = 1e7  # factor of receivers that count whole numbers
 
 
 def check_place(lat_deg: float, lon_deg: float) -> None:

@@ -14,12 +14,12 @@ from agribot.drivers.receiver import GpsdDecoder
 from agribot.drivers.receiver_decoder import ReceiverDecoder
 
 BLOCK_BYTES = 4096
-DATE_BYTES = 1 << 20  # of the beginning, in which a date is sought
-_EPOCH_S = 10 * 365 * nmea.DAY_S  # stamps above it have a date
+DATE_BYTES = 1 << 20  # bytes at the start in which a date is sought
+_EPOCH_S = 10 * 365 * nmea.DAY_S  # time above which stamps have a date
 
 
 class ReceiverLog:
-    """What a receiver sent. Sentences give the time of the day, and RMC or ZDA the date."""
+    """Reader of a receiver's log. Sentences give the time of the day, and RMC or ZDA the date."""
 
     def __init__(self, path: Path, *, is_gpsd: bool = False) -> None:
         """`is_gpsd` says that the file holds reports of gpsd, as of `gpspipe -w`."""
@@ -36,15 +36,15 @@ class ReceiverLog:
         midnight_s = _find_midnight(next(self._read(DATE_BYTES), b""))
         logged_s = 0.0
         for data in self._read(BLOCK_BYTES):
-            for told_s, sample in decoder.feed(data):
+            for stated_s, sample in decoder.feed(data):
                 if isinstance(sample, GnssFix):
                     # Without a date a stamp counts from the midnight before the first, and a day.
-                    has_date = told_s > _EPOCH_S
-                    stamp_s = told_s if has_date else told_s - nmea.DAY_S + midnight_s
+                    has_date = stated_s > _EPOCH_S
+                    stamp_s = stated_s if has_date else stated_s - nmea.DAY_S + midnight_s
                     logged_s = max(logged_s, stamp_s)
                     yield LogEntry("gnss", stamp_s, logged_s, "", sample)
                 elif isinstance(sample, GnssHeading) and logged_s:
-                    # Of the same epoch, by a clock without a date.
+                    # The heading is of the same epoch, by a clock without a date.
                     yield LogEntry("heading", logged_s, logged_s, "", sample)
         if decoder.broken:
             self._note(f"{decoder.broken} messages left out that are broken")

@@ -45,11 +45,11 @@ FIT_ROUNDS, FITTED_RATIO = 3, 0.01
 DEFAULT_ROBOT = "agribot"
 # Our own recordings hold the IMU in the body's axes.
 IN_BODY = ImuMount(body_from_imu=np.eye(3), how="of the recording")
-_GROUPS = ("estimate", "field")  # of settings that the filter has
+_GROUPS = ("estimate", "field")  # groups of the filter's settings
 
 
 class StudyOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a person states of a log and of its robot; None: found, or the default."""
+    """A person's statements on a log and its robot; None: found, or the default."""
 
     named: dict[LogSensor, str] = {}
     robot: str | None = None
@@ -74,8 +74,8 @@ class Study(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     config: RunConfig
     options: StudyOptions
     facts: LogFacts
-    base: RunConfig | None = None  # of a recording of ours
-    way_ratio: float = 1.0  # by which the speeds of the odometry are divided
+    base: RunConfig | None = None  # settings of a recording of this program
+    way_ratio: float = 1.0  # divisor of the odometry's speeds
 
 
 def open_study(

@@ -17,7 +17,7 @@ Names = Mapping[str, float]
 
 
 class Column(NamedTuple):
-    """Where a value stands, and its factor to SI."""
+    """Index of a value's column, and its factor to SI."""
 
     at: int
     factor: float

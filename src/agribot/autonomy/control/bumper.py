@@ -18,7 +18,7 @@ class Bumper:
 
     @property
     def ends(self) -> tuple[End, ...]:
-        """Where it touches now."""
+        """Ends of the robot that touch now."""
         return tuple(self._touched_s)
 
     def feel(self, batch: SensorBatch) -> Touched | None:

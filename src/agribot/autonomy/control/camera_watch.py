@@ -11,7 +11,7 @@ from agribot.core.messages import Scene, SensorBatch
 
 
 class _Stream:
-    """When something came last; it is silent after three of its own intervals at the earliest."""
+    """Time of the last sample; it is silent after three of its own intervals at the earliest."""
 
     def __init__(self) -> None:
         self._last_s, self._interval_s = math.nan, math.inf

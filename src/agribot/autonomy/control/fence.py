@@ -28,11 +28,13 @@ from agribot.core.messages import DriveCommand, Estimate, FloatArray, GnssQualit
 from agribot.core.pose import Pose2
 from agribot.core.robot import REACTION_S
 
-RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
+# Way between two searches for edges: less than half the robot, so that none is passed unseen.
+RECHECK_M = 0.25
 # A way in or out leaves the field; within this distance of it only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2
 LEAST_HALF_M = 0.05
-DEEPER_RATIO = 0.5  # of its way, by which a robot that moves away from an edge gets farther off
+# Distance that a robot moving away from an edge must gain, as a share of its way.
+DEEPER_RATIO = 0.5
 WITHOUT_CARRIER = (GnssQuality.SINGLE, GnssQuality.DGNSS)
 MOST_MPS, MOST_RADPS = 3.0, 3.0  # no wish is taken for more; what is sent has limits of its own
 
@@ -50,7 +52,7 @@ class PathFence(NamedTuple):
     y_min_m: float
     x_max_m: float
     y_max_m: float
-    decel_mps2: float = math.inf  # of the brakes
+    decel_mps2: float = math.inf  # deceleration of the brakes
 
     @classmethod
     def around(cls, path: Path, margin_m: float, decel_mps2: float = math.inf) -> PathFence:

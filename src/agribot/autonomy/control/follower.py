@@ -29,7 +29,7 @@ PIVOT_GAIN_PER_S = 1.5
 NOMINAL_DT_S = 0.02
 MAX_DT_S = 0.1
 CORNER_REACH_M = 0.03
-MAX_ASIDE_M = 0.05  # what a certified plan keeps off every edge
+MAX_ASIDE_M = 0.05  # margin of a certified plan to every edge
 
 
 class _Errors(NamedTuple):
@@ -65,7 +65,7 @@ class _Line:
         self._corners_m: list[float] = path.s_m[1:][stands].tolist()
 
     def errors(self, s_m: float, x_m: float, y_m: float, yaw_rad: float) -> _Errors:
-        """Of a pose, at the point of the path beside it; `s_m` must be within a metre of it."""
+        """Errors of a pose at the path's point beside it; `s_m` is within a metre of that."""
         index = self._index(s_m)
         first = self._index(self._find_corner_m(s_m))
         for _ in range(2):  # the second look corrects for curvature that began in between
@@ -80,7 +80,7 @@ class _Line:
         )  # fmt: skip
 
     def is_between_rows(self, s_m: float) -> bool:
-        """Where no crop stands beside the wheels."""
+        """Return whether no crop stands beside the wheels."""
         return self._row[self._index(s_m)] < 0
 
     def _find_corner_m(self, s_m: float) -> float:

@@ -18,14 +18,14 @@ from agribot.core.messages import Check, GateState, GateStatus
 
 
 class Seen(NamedTuple):
-    """What decides the state in a tick; None and empty where it is not so."""
+    """Causes of the state in a tick; None and empty where it is not so."""
 
     stopped: Fact | None  # why the latch is closed
-    hand: str  # who moves the robot by hand
-    held: Fact | None  # what passes by itself
+    hand: str  # driver by hand
+    held: Fact | None  # a cause that passes by itself
     idle: Fact | None  # why the mission does not drive
     limited: Fact | None
-    cleared_by: str  # who has just cleared a stop
+    cleared_by: str  # person that has just cleared a stop
 
 
 class StateRow(NamedTuple):
@@ -59,7 +59,7 @@ class GateMachine:
         self.is_started = False
         self._checks: tuple[Check, ...] = ()
 
-    def step(self, seen: Seen, told: Fact | None, checks: tuple[Check, ...]) -> None:
+    def step(self, seen: Seen, warning: Fact | None, checks: tuple[Check, ...]) -> None:
         """Take in a tick; `checks` is looked at while the mission has not started."""
         before = self.status
         state: GateState
@@ -74,12 +74,12 @@ class GateMachine:
             self.is_started = state not in ("checking", "standby")
             if is_new or not self._checks or self.is_started:
                 outcome = self._checks = checks
-        if (state, fact, told, outcome) != (before.state, before.fact, before.told_fact, ()) or (
+        if (state, fact, warning, outcome) != (before.state, before.fact, before.told_fact, ()) or (
             before.checks
         ):
             self.status = GateStatus(
-                state=state, reason=render(fact), told=render(told), checks=outcome,
-                fact=fact, told_fact=told,
+                state=state, reason=render(fact), told=render(warning), checks=outcome,
+                fact=fact, told_fact=warning,
             )  # fmt: skip
 
     def end_mission(self) -> None:

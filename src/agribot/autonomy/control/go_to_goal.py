@@ -24,7 +24,7 @@ class GoToGoalSettings(msgspec.Struct, frozen=True, kw_only=True):
     max_yaw_rate_radps: float = 0.5
     arrive_m: float = 0.5
     depart_m: float = 0.2  # beyond arrive_m: a goal farther away is a new one
-    timeout_s: float = 1.0  # of either input
+    timeout_s: float = 1.0  # largest age of either input
 
 
 class GoToGoal:
@@ -38,7 +38,7 @@ class GoToGoal:
         self.reason = "no goal yet"
 
     def update_distance(self, t_s: float, distance_m: float) -> None:
-        """To the goal, metres; what is not finite or negative counts as silence."""
+        """Take the distance to the goal, metres; a negative or infinite one counts as silence."""
         if not (math.isfinite(distance_m) and distance_m >= 0.0):
             return
         self._distance_m, self._distance_s = distance_m, t_s

@@ -46,9 +46,9 @@ from agribot.core.facts import (
 from agribot.core.messages import Check, Estimate, Goal, RobotCommand, SensorBatch
 
 # latch: stands until a person clears the stop. wait: stands until it is over. slow: along the same
-# curve. tool off: it drives on, the tool does not work. home: the mission turns home. tell: a
-# report.
-Reaction = Literal["latch", "wait", "slow", "tool off", "home", "tell"]
+# curve. tool off: it drives on, the tool does not work. home: the mission turns home.
+# report: a message, and the robot drives on.
+Reaction = Literal["latch", "wait", "slow", "tool off", "home", "report"]
 # Whether a person who drives is held, too; "until cleared": once, and then drives the robot off.
 ForHand = Literal["yes", "until cleared", "no"]
 STANDSTILL_MPS = 1e-3
@@ -197,8 +197,8 @@ HAZARDS = (
                  "motors that drive them for 0.12 s, one wheel that turns alone for 0.4 s",
            reaction="latch", for_hand="yes", find=lambda now: now.motion.runaway, at_rest=True,
            faults=("motor.runaway",)),
-    Hazard(name="contactor does not answer, or does not do what it is told",
-           seen_by="what it tells, and the encoders",
+    Hazard(name="contactor does not answer, or does not follow its command",
+           seen_by="its own report, and the encoders",
            limit="`safety.sensor_timeout_s`, 1 s to open and to close", reaction="latch",
            for_hand="yes", find=lambda now: now.power.fault(), check="contactor",
            faults=("contactor.welded", "contactor.silent")),
@@ -213,7 +213,7 @@ HAZARDS = (
            limit="`safety.sensor_timeout_s`", reaction="latch", for_hand="yes",
            find=lambda now: now.sensors.silence(now.batch.t_s), check="wheels and IMU",
            faults=("board.silent", "imu.unplugged", "imu.late", "link.noise")),
-    Hazard(name="safety input silent", seen_by="age of what the motor board tells of it",
+    Hazard(name="safety input silent", seen_by="age of the motor board's report of it",
            limit="`safety.sensor_timeout_s`, 5 s for the battery, of each of `safety.must_report`",
            reaction="latch", for_hand="yes", find=lambda now: now.inputs.silence(),
            check="safety inputs", faults=("inputs.silent",)),
@@ -273,7 +273,7 @@ HAZARDS = (
     Hazard(name="wheel encoders or IMU never spoke", seen_by="their samples", limit="one sample",
            reaction="wait", for_hand="yes", find=lambda now: now.sensors.unheard(),
            check="wheels and IMU"),
-    Hazard(name="safety input never spoke", seen_by="what the motor board tells of it",
+    Hazard(name="safety input never spoke", seen_by="reports of the motor board",
            limit="once, of each of `safety.must_report`", reaction="wait", for_hand="yes",
            find=lambda now: now.inputs.unheard(), check="safety inputs"),
     Hazard(name="motors without power", seen_by="contactor",
@@ -325,16 +325,16 @@ HAZARDS = (
            limit="3 pictures; 1 m of row", reaction="tool off",
            find=lambda now: now.estimate.plants_fact),
     Hazard(name="runaway, and what to do about it", seen_by="as above",
-           limit="as above", reaction="tell", for_hand="yes", find=_runs_away, at_rest=True,
+           limit="as above", reaction="report", for_hand="yes", find=_runs_away, at_rest=True,
            faults=("motor.runaway",)),
     Hazard(name="one of two contactors is welded", seen_by="their auxiliary contacts",
-           limit="1 s to open", reaction="tell", for_hand="yes",
+           limit="1 s to open", reaction="report", for_hand="yes",
            find=lambda now: now.power.find_weld(), at_rest=True, faults=("contactor.welded",)),
     Hazard(name="a number of the IMU that cannot be", seen_by="range of its numbers",
-           limit="160 m/s^2, 40 rad/s", reaction="tell", for_hand="yes",
+           limit="160 m/s^2, 40 rad/s", reaction="report", for_hand="yes",
            find=lambda now: now.sensors.spoilt_number(), faults=("link.noise",)),
     Hazard(name="a tilt that the IMU does not measure", seen_by="IMU without acceleration",
-           limit="no acceleration in its newest reading", reaction="tell", for_hand="yes",
+           limit="no acceleration in its newest reading", reaction="report", for_hand="yes",
            find=lambda now: None if now.camera_fault else now.sensors.unknown_tilt()),
     Hazard(name="hand or its link is gone", seen_by="age of its requests",
            limit="`safety.hand_timeout_s`", reaction="wait", for_hand="yes", find=None),
@@ -367,7 +367,7 @@ def find_hazard(
     return None
 
 
-_REACTIONS: tuple[Reaction, ...] = ("latch", "wait", "slow", "tool off", "home", "tell")
+_REACTIONS: tuple[Reaction, ...] = ("latch", "wait", "slow", "tool off", "home", "report")
 _COUNTING = {
     (reaction, is_by_hand): tuple(
         (hazard, hazard.find)

@@ -16,9 +16,10 @@ from agribot.core.facts import (
 )
 from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 
-BATTERY_AGE_S = 5.0  # its voltage does not show a fault of the last moments
-# After a person cleared a stop, the board may hold it for this time until it obeys the clear
-# command. A board that had released its stop holds a new one.
+# Timeout of the battery's voltage, which does not show faults of the last moments.
+BATTERY_AGE_S = 5.0
+# Time after a clear command in which the board may still hold its stop. A board that had released
+# its stop holds a new one.
 CLEARING_S = 3.0
 
 

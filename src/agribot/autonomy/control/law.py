@@ -7,9 +7,9 @@ import math
 DAMPING = 0.9
 MIN_FREQUENCY_RADPS = 0.25
 MAX_FREQUENCY_RADPS = 2.0  # the delay of the drive allows no faster poles
-MAX_ERROR_M = 0.4  # farther off, the approach angle stays the same
+MAX_ERROR_M = 0.4  # error from which on the approach angle stays the same
 
-USUAL_ERROR_M = 0.04  # no reason to slow down
+USUAL_ERROR_M = 0.04  # error that is no reason to slow down
 # Beyond it the robot slows down and returns in a distance shorter by at most this factor.
 SLOWING_M, HASTE_M, MAX_HASTE = 0.3, 0.1, 1.6
 

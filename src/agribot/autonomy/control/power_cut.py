@@ -23,8 +23,8 @@ from agribot.core.messages import ContactorSample, SensorBatch
 REST_RADPS, REST_S = 0.2, 0.5  # wheels no faster than this for this time stand
 # A contactor that opened has let go by then, and a wheel that nothing drives is slower.
 OPENING_S, SLOWER_RATIO = 1.0, 0.8
-CLOSING_S = 1.0  # and one commanded to close has closed
-BLIND_S = 1.0  # wheels of a stopped robot unseen for longer may turn
+CLOSING_S = 1.0  # time after which a contactor commanded to close is closed
+BLIND_S = 1.0  # longest gap in reports of a stopped robot's wheels; after it they count as turning
 
 
 class PowerCut:

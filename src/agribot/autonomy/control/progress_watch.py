@@ -22,9 +22,10 @@ from agribot.core.robot import DriveSpec
 STUCK_RATIO = 0.35
 # Way of the wheels that is judged, m: with corrections a receiver resolves single centimetres.
 CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
-LAST_PART = 0.3  # of that way, in which a robot that got free again gets on
+LAST_PART = 0.3  # last share of that way, in which a robot that got free makes headway again
 LONGEST_S = 10.0
-# Of 90 clods that held a robot on the roughest ground, 86 did so for less than 1.2 s.
+# Longest time without headway. Of 90 clods that held a robot on the roughest ground, 86 did so for
+# less than 1.2 s.
 STUCK_S = 2.5
 # A robot that keeps less of its way just now is held; one that does not move on is judged by this
 # alone, and of a receiver that was silent for longer nothing is known.
@@ -36,7 +37,7 @@ CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
 
 
 class _Place(NamedTuple):
-    """Where wheels with gyro, and the receiver, were at a fix; `flown` sums its velocities."""
+    """Positions by wheels with gyro and by the receiver at a fix; `flown` sums its velocities."""
 
     t_s: float
     rolled_m: tuple[float, float]
@@ -128,7 +129,7 @@ class ProgressWatch:
         north_m = math.radians(fix.lat_deg - lat_deg) * WGS84_A_M
         last = self._places[-1] if self._places else None
         if last is not None and not 0.0 < fix.t_s - last.t_s <= 1.0:
-            self._places.clear()  # of a receiver that was silent, nothing is known meanwhile
+            self._places.clear()  # the motion during a receiver's silence is unknown
             last = None
         rolled_m = (self._x_m, self._y_m)
         place = _Place(fix.t_s, rolled_m, self._turn_rad, east_m, north_m, _fly_on(last, fix))
@@ -175,7 +176,7 @@ class ProgressWatch:
 
 
 def _moved_m(then: _Place, now: _Place) -> float:
-    """How far the receiver went between two fixes, by its positions or by its velocities."""
+    """Measure the receiver's way between two fixes, by its positions or by its velocities."""
     return max(_stepped_m(then, now), _flown_m(then, now))
 
 
@@ -184,7 +185,7 @@ def _stepped_m(then: _Place, now: _Place) -> float:
 
 
 def _flown_m(then: _Place, now: _Place) -> float:
-    """How far it went by its velocities, which are less noisy; by its positions without them."""
+    """Measure its way by its velocities, which are less noisy; by its positions without them."""
     if now.flown_m is None or then.flown_m is None:
         return _stepped_m(then, now)
     return math.dist(now.flown_m, then.flown_m)

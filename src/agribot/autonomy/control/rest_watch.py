@@ -25,7 +25,7 @@ class RestWatch:
         self._fast_radps = PUSHED_MPS / drive.wheel_radius_m
         self._working_nm = 4.0 * WORKING_RATIO * drive.wheel_torque_nm
         self._fast_s = self._driving_s = self._alone_s = 0.0
-        self._alone: tuple[int, bool] | None = None  # which wheel, and whether forwards
+        self._alone: tuple[int, bool] | None = None  # wheel that turns alone, and whether forwards
         self._has_rested = True
 
     def restart(self) -> None:

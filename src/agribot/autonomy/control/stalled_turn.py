@@ -13,7 +13,9 @@ import math
 STALLED_RATIO, STALLED_S = 0.15, 0.3
 LEAST_RADPS = 0.3  # asked for; where a turn is wider, all wheels roll
 PIECE_RAD, PIECE_RADPS = 0.3, 0.5
-LONGEST_S = 1.5  # where it does not turn on the spot either, it is stuck, and the gate stops it
+# Longest stalled turn; a robot that does not turn on the spot either is stuck, and the gate stops
+# it.
+LONGEST_S = 1.5
 
 
 class StalledTurn:

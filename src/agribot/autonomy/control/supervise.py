@@ -47,9 +47,11 @@ from agribot.core.messages import (
 )  # fmt: skip
 from agribot.core.robot import RobotSpec
 
-CHECK_AFTER_S = 5.0  # for which a mission waits, its list before the start is published, too
+# Waiting time of a mission after which its list before the start is published, too.
+CHECK_AFTER_S = 5.0
 SHOWN_EXCESS = 0.01  # m/s or rad/s over a limit, the least for which two decimals differ
-PAUSE_BRAKE_RATIO = 0.5  # of the drive's acceleration, the least braking that a pause must show
+# Least braking that a pause must show, as a share of the drive's acceleration.
+PAUSE_BRAKE_RATIO = 0.5
 
 
 class Supervisor:
@@ -94,7 +96,7 @@ class Supervisor:
         self._camera = CameraWatch(config)
         self._machine = GateMachine()
         self._waiting_since_s = math.inf  # on the platform's clock
-        self._held_kind = ""  # of the hazard that closed the latch, until it is cleared
+        self._held_kind = ""  # kind of the hazard that closed the latch, until it is cleared
         self._accepted: frozenset[str] = frozenset()
         self._cleared_by = ""
         self._is_tool_working = False
@@ -109,7 +111,7 @@ class Supervisor:
 
     @property
     def warning(self) -> Fact | None:
-        """What calls the robot home, though it may still drive; None where nothing does."""
+        """Cause that calls the robot home, though it may still drive; None without one."""
         return self._battery.low
 
     def check(
@@ -143,7 +145,7 @@ class Supervisor:
             drive, limited = self._limit(self._bumper.away(command.drive))
             drive = self._ramp(drive, self._ramp_s(goal.status, is_by_hand=is_by_hand))
             reason = limited or self._held_back(command.drive)
-        told, alarm = self._tell(now)
+        warning, alarm = self._find_warning(now)
         if drive == STOP:
             reason = alarm or reason
         self._last = self.sent = drive
@@ -155,15 +157,15 @@ class Supervisor:
         self._step_machine(now, Seen(
             stopped=self._latch.cause, hand=hand, held=held, idle=_describe_idle(goal.status),
             limited=limited, cleared_by=self._cleared_by,
-        ), told)  # fmt: skip
+        ), warning)  # fmt: skip
         sent = RobotCommand(
             t_s=command.t_s, drive=drive, implement=implement, is_power_cut=self._power.is_cut
         )
         return sent, reason
 
-    def _tell(self, now: Situation) -> tuple[Fact | None, Fact | None]:
+    def _find_warning(self, now: Situation) -> tuple[Fact | None, Fact | None]:
         """Return the warning and the alarm: of a robot that may drive, and of one that must not."""
-        found = find_hazard(now, "tell")
+        found = find_hazard(now, "report")
         if found is None:
             return now.camera_fault, None
         hazard, fact = found
@@ -175,12 +177,12 @@ class Supervisor:
         then = now._replace(command=command)
         return find_hazard(then, "tool off") is not None
 
-    def _step_machine(self, now: Situation, seen: Seen, told: Fact | None) -> None:
+    def _step_machine(self, now: Situation, seen: Seen, warning: Fact | None) -> None:
         if now.goal.status.state not in ("waiting", "running", "paused"):
             self._machine.end_mission()
         is_to_drive = not (seen.idle or seen.stopped) or self._waits_long(now)
         is_starting = is_to_drive and not self._machine.is_started
-        self._machine.step(seen, told, check_start(now) if is_starting else ())
+        self._machine.step(seen, warning, check_start(now) if is_starting else ())
 
     def _waits_long(self, now: Situation) -> bool:
         """Return whether a mission has waited long enough to set off that a person will ask why."""
@@ -312,7 +314,7 @@ class Supervisor:
         return slower, reason
 
     def _ramp(self, drive: DriveCommand, dt_s: float) -> DriveCommand:
-        """No faster than the drive can gain in `dt_s` since the last command.
+        """Limit the speed to what the drive can gain in `dt_s` since the last command.
 
         Braking is never held back; a negative time demands it.
         """

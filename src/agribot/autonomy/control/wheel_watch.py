@@ -30,8 +30,8 @@ from agribot.core.robot import DriveSpec
 
 SPAN_S = 0.1
 LASTING_S = 0.4  # a wheel that jerks free or spins up on a clod is over sooner
-# Encoders may be slower than the ticks: a sample covers the time since the last one, yet two alone
-# are not a fault.
+# Longest time for which one sample counts. Encoders may be slower than the ticks: a sample covers
+# the time since the last one, yet two alone are not a fault.
 MOST_OF_ONE_S = LASTING_S / 2.0
 TOLERANCE_RADPS, TOLERANCE_RATIO = 0.6, 0.3
 STANDS_RATIO = 0.15
@@ -53,7 +53,7 @@ DEAD_RATIO, WORKING_RATIO, DEAD_LASTING_S = 1e-6, 2e-3, 0.5
 WHEELS: tuple[Wheel, ...] = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
 
 
-class _Told(NamedTuple):
+class _CommandedSpeeds(NamedTuple):
     """Wheel speeds that the board drives at a time."""
 
     t_s: float
@@ -62,7 +62,7 @@ class _Told(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is at fault, None without a fault.
+    """The fault, or None.
 
     `wheels` turn without a command; `runaway` are wheels that should stand but are driven by their
     motors: faster than by a push, on after the drive ended, or when STOP was pressed. A dead motor,
@@ -92,10 +92,10 @@ class WheelWatch:
         self._drive, self._delay_s = drive, delay_s
         self._max_radps = 3.0 * drive.max_speed_mps / drive.wheel_radius_m
         self._v_mps = self._yaw_rate_radps = 0.0
-        self._told: deque[_Told] = deque()
+        self._commanded: deque[_CommandedSpeeds] = deque()
         self._read: deque[WheelSample] = deque()
         self._off_s = [0.0] * 4
-        self._is_driven = [False] * 4  # by its motor, since the wheel last stood
+        self._is_driven = [False] * 4  # whether its motor has driven a wheel since it last stood
         self._rest = RestWatch(drive)
         self._runaway: Fact | None = None
         self._dead_s = [0.0] * 4
@@ -156,7 +156,7 @@ class WheelWatch:
         )
 
     def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:
-        drive, told = self._drive, self._told
+        drive, commanded = self._drive, self._commanded
         self._v_mps = _toward(self._v_mps, sent.v_mps, drive.max_accel_mps2 * dt_s)
         self._yaw_rate_radps = _toward(
             self._yaw_rate_radps, sent.yaw_rate_radps, drive.max_yaw_accel_radps2 * dt_s
@@ -166,9 +166,9 @@ class WheelWatch:
             (self._v_mps, self._yaw_rate_radps),
         ):
             left, right = drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
-            told.append(_Told(t_s, right, left))
-        while len(told) > 2 and not 0.0 <= t_s - told[0].t_s <= self._delay_s:
-            told.popleft()
+            commanded.append(_CommandedSpeeds(t_s, right, left))
+        while len(commanded) > 2 and not 0.0 <= t_s - commanded[0].t_s <= self._delay_s:
+            commanded.popleft()
 
     def _measure(self) -> Four | None:
         """Mean speed of each wheel over the last 0.1 s; None before the first."""
@@ -191,8 +191,8 @@ class WheelWatch:
         return a, b, c, d
 
     def _count_wrong_wheels(self, speeds: Four, elapsed_s: float) -> None:
-        rights = [told.right_radps for told in self._told]
-        lefts = [told.left_radps for told in self._told]
+        rights = [commanded.right_radps for commanded in self._commanded]
+        lefts = [commanded.left_radps for commanded in self._commanded]
         bounds = ((min(rights), max(rights)), (min(lefts), max(lefts)))
         for k, speed in enumerate(speeds):
             low, high = bounds[k % 2]
@@ -202,13 +202,13 @@ class WheelWatch:
             self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
 
     def _describe_wrong_wheels(self, speeds: Four) -> WheelsWrong | WheelsSwapped:
-        now = self._told[-1]
+        now = self._commanded[-1]
         off = tuple(k for k in range(4) if self._off_s[k] > 0.0)
         return _describe(off, speeds, (now.right_radps, now.left_radps))
 
     def _runs_away(self, speeds: Four, efforts_nm: Four | None, elapsed_s: float) -> bool:
         """Whether wheels that are to stand never came to stand, or are driven out of rest."""
-        if any(told.right_radps or told.left_radps for told in self._told):
+        if any(commanded.right_radps or commanded.left_radps for commanded in self._commanded):
             self._rest.restart()
             return False
         runs_on = any(
@@ -220,8 +220,11 @@ class WheelWatch:
     def _dead_motor(self, read: WheelSample, elapsed_s: float) -> MotorDead | None:
         """Only boards that report the torque of each wheel show it."""
         efforts, torque_nm = read.effort_nm, self._drive.wheel_torque_nm
-        told = self._told[-1]
-        if efforts is None or abs(told.right_radps + told.left_radps) / 2.0 < TURNING_RADPS:
+        commanded = self._commanded[-1]
+        if (
+            efforts is None
+            or abs(commanded.right_radps + commanded.left_radps) / 2.0 < TURNING_RADPS
+        ):
             self._dead_s = [0.0] * 4
             return None
         total_nm = sum(abs(effort) for effort in efforts)
@@ -282,15 +285,15 @@ class WheelWatch:
 
 
 def _describe(
-    off: tuple[int, ...], speeds: Four, told: tuple[float, float]
+    off: tuple[int, ...], speeds: Four, commanded: tuple[float, float]
 ) -> WheelsWrong | WheelsSwapped:
     """Find which wheels do what instead of what."""
-    wanted = sum(told[k % 2] for k in off) / len(off)
+    wanted = sum(commanded[k % 2] for k in off) / len(off)
     speed = sum(speeds[k] for k in off) / len(off)
     right, left = (speeds[0] + speeds[2]) / 2.0, (speeds[1] + speeds[3]) / 2.0
-    turn, wanted_turn = right - left, told[0] - told[1]
+    turn, wanted_turn = right - left, commanded[0] - commanded[1]
     is_swapped = turn * wanted_turn < 0.0 and abs(turn + wanted_turn) < abs(turn) / 2.0
-    gets_on = abs(right + left - told[0] - told[1]) < abs(wanted_turn)
+    gets_on = abs(right + left - commanded[0] - commanded[1]) < abs(wanted_turn)
     if len(off) > 1 and is_swapped and gets_on:
         return WheelsSwapped()
     if abs(speed) < STANDS_RATIO * abs(wanted):
@@ -303,10 +306,10 @@ def _describe(
 
 
 def _tolerate_yaw(wheels_radps: float, gyro_radps: float) -> float:
-    """How far a gyro may be from what the wheels say; more where the robot turns less than they."""
-    told_radps = abs(wheels_radps)
+    """Return the tolerance of gyro and wheels; larger where the robot turns less than they."""
+    commanded_radps = abs(wheels_radps)
     ratio = TIGHT_RATIO if _turns_less(wheels_radps, gyro_radps) else YAW_HIGH_RATIO
-    return max(YAW_TOLERANCE_RADPS + YAW_LOW_RATIO * told_radps, ratio * told_radps)
+    return max(YAW_TOLERANCE_RADPS + YAW_LOW_RATIO * commanded_radps, ratio * commanded_radps)
 
 
 def _turns_little(wheels_radps: float, gyro_radps: float) -> bool:

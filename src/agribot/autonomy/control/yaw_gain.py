@@ -6,7 +6,7 @@ import math
 
 from agribot.core.arithmetic import clamp
 
-MEMORY_S = 3.0  # of turning, not of time: what one headland turn teaches serves the next
+MEMORY_S = 3.0  # memory in seconds of turning: one headland turn's value serves the next
 PRIOR_RAD2PS = 0.05  # weight of "all of it", about 0.15 s of turning
 MIN_RATE_RADPS = 0.1  # slower than this, disturbances outweigh the command
 MIN_MOVING_RATIO = 0.5
@@ -27,7 +27,7 @@ class YawGain:
 
     @property
     def expected_radps(self) -> float:
-        """What was sent, as late as the drive follows."""
+        """Rate sent earlier, delayed like the drive."""
         return self._expected_radps
 
     @property

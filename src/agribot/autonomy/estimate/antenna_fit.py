@@ -21,9 +21,9 @@ from agribot.core.pose import Pose2
 
 MIN_TURNED_RAD = math.tau
 MIN_FIXES = 20
-MIN_ROLLED_RAD = 0.5  # of a wheel in a leg
+MIN_ROLLED_RAD = 0.5  # least roll of a wheel in a leg
 MAX_STD_M = 0.02
-MAX_SCATTER_M = 0.05  # more is a wander whose fixes err together
+MAX_SCATTER_M = 0.05  # largest scatter; more is a wander whose fixes err together
 
 
 class AntennaFit(msgspec.Struct, frozen=True, kw_only=True):
@@ -109,8 +109,8 @@ def _heading(log: DriveLog, stretches: Sequence[Stretch], start_s: float) -> tup
         rolled_rad = log.rolled_rad(stretch.start_s, stretch.at_rest_s)[0]
         if abs(rolled_rad) < MIN_ROLLED_RAD:
             raise MissionError(
-                f"the wheels did not turn in '{stretch.name}', and nothing else tells forwards "
-                "from backwards; check the encoders and drive again"
+                f"the wheels did not turn in '{stretch.name}', and nothing else distinguishes "
+                "forwards from backwards; check the encoders and drive again"
             )
         is_back = rolled_rad < 0.0
         turned_rad = log.turned_rad(start_s, (stretch.start_s + stretch.end_s) / 2.0)

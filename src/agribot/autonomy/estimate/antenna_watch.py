@@ -65,7 +65,7 @@ class AntennaWatch:
 
     @property
     def off_m(self) -> complex:
-        """How far ahead and to the left of the stated place it sits; 0 until that is sure."""
+        """Offset ahead and to the left of the stated place; 0 until it is sure."""
         left, right = self._sides.values()
         if min(left.turned_rad, right.turned_rad) < LEAST_TURN_RAD:
             return 0j

@@ -14,7 +14,7 @@ from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M
 from agribot.core.messages import BaseFix, GnssFix, GnssQuality, SensorBatch
 
 MAX_AGE_S = 5.0
-# Multipath is each antenna's own: this much remains of a fix that a base station corrects.
+# Error that a base station leaves in a fix: multipath is each antenna's own.
 RESIDUAL_STD_M = 0.4
 UNCORRECTED = (GnssQuality.SINGLE, GnssQuality.DGNSS)
 

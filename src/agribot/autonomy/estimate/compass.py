@@ -17,9 +17,9 @@ from agribot.autonomy.estimate.sensor_ranges import MAX_FIELD_T
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import MagSample, SensorBatch, Vec3
 
-# The first heading is the mean of this many samples.
+# Samples whose mean is the first heading.
 FIRST_SAMPLES = 8
-# Hard iron turns with the robot: after about a radian the old bias says little about the new.
+# Turn after which the old bias says little about the new: hard iron turns with the robot.
 BIAS_MEMORY_RAD = 1.0
 # Once that is learnt, the mount's share stays; what the fit and the motors leave over turns.
 LEARNT_MEMORY_RAD = 10.0
@@ -30,9 +30,10 @@ NOISE_WEIGHT = 0.1
 MAX_JUMP_RAD = 1.0
 # Heading good enough to learn iron from: the compass alone never gets there.
 REFERENCE_STD_RAD = math.radians(2.0)
-# On a slope the vertical parts of field and iron enter too, and the curve is not an ellipse.
+# Largest tilt of level ground. On a slope the vertical parts of field and iron enter too, and the
+# curve is not an ellipse.
 LEVEL_COSINE = math.cos(math.radians(4.0))
-# Without iron the heading is off by how the sensor is mounted.
+# Error of the heading without iron: the mounting of the sensor.
 MOUNT_STD_RAD = math.radians(3.0)
 _ROW: Row = ((YAW, 1.0), (MAG_BIAS, 1.0))
 
@@ -142,7 +143,7 @@ class Compass(Correction[MagSample]):
         )  # fmt: skip
 
     def _take_iron_off(self, level_t: Level, back_rad: float, *, is_level: bool) -> Level:
-        """Without the robot's own iron, as it is set and as it is learnt while others know better.
+        """Remove the robot's own iron, as it is set and as it is learnt while others know better.
 
         `back_rad` is how far the robot has turned since, backwards.
         """
@@ -161,11 +162,11 @@ class Compass(Correction[MagSample]):
         fitted = self._fit.solve()
         if fitted is None or fitted.complaints():
             return
-        if self._learnt is None:  # what the bias was of is gone but for the mount
+        if self._learnt is None:  # only the mount's part of the bias is left
             self._bias_std_rad = min(self._bias_std_rad, MOUNT_STD_RAD)
             self.pose.ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
         self._learnt = fitted.calibration
-        self.pose.turns.restart()  # what is taken off now is no turn of the compass
+        self.pose.turns.restart()  # this subtraction is no turn of the compass
 
     def _begin(self, offset_rad: float, turned_rad: float) -> None:
         """Collect headings, each turned back to the start of the odometry; then set the yaw.

@@ -9,7 +9,7 @@ from agribot.autonomy.estimate.heading import HeadingFilter
 from agribot.core.messages import ImuSample, MagSample, Vec3
 
 _STILL_WINDOW_S = 1.0
-_STILL_RATE_RADPS = 0.05  # above any turn-on bias, below any turn that counts
+_STILL_RATE_RADPS = 0.05  # rate above any turn-on bias, below any turn that counts
 _STILL_SPREAD_RADPS = 0.02
 _BIAS_WEIGHT = 0.2
 _UP_TAU_S = 2.0  # accelerations of driving average out; slopes last longer

@@ -9,7 +9,7 @@ import math
 NEEDED = 8
 MAJORITY_RATIO = 0.7
 AGREEMENT_M = 0.12
-# They must be of different plants: one weed taken for a crop is seen in thirty frames.
+# Least distance of two plants: one weed taken for a crop is seen in thirty frames.
 APART_M = 0.4
 MEMORY = 40
 

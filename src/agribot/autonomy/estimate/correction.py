@@ -38,7 +38,7 @@ Measurements = Generator[Measurement, Verdict, None]
 class Correction(ABC, Generic[Sample]):
     """A sensor that corrects the pose."""
 
-    # What must have been measured before the sensor can serve.
+    # Measurement that must come before the sensor can serve.
     needs: ClassVar[Known | None] = "position"
     needs_odometry: ClassVar[bool] = True
     # Why the robot cannot stand where it is marked to start.

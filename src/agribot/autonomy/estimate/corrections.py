@@ -23,9 +23,9 @@ from agribot.core.errors import ConfigError
 from agribot.core.plugins import CORRECTIONS as GROUP
 from agribot.core.plugins import bind_settings, find_plugin
 
-BuildCorrection = Callable[..., Correction[Any]]  # of a `PoseFilter`, and of `settings`
+BuildCorrection = Callable[..., Correction[Any]]  # builder that takes a `PoseFilter` and `settings`
 
-# What a sample that is refused is counted as, and the sensor.
+# Corrections by the name under which a refused sample is counted, and the sensor.
 CORRECTIONS: dict[str, BuildCorrection] = {
     "mag": Compass,
     "base": BaseCorrection,

@@ -20,7 +20,7 @@ from agribot.autonomy.estimate.gate import Gate, Verdict
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.row_model import TELLS_APART_RATIO as TELLS_ROWS_APART_RATIO
+from agribot.autonomy.estimate.row_model import DISTINCT_ROWS_RATIO as TELLS_ROWS_APART_RATIO
 from agribot.core.messages import GroundPlant, PlantClass, Scene
 from agribot.core.pose import Pose2
 
@@ -33,10 +33,10 @@ FRAME_STD_M = 0.015
 LOOK_MEMORY_M, PLANTING_MEMORY_M = 0.05, 0.4
 MIN_MOVED_M = 0.005
 # Largest 1 sigma of a pose that distinguishes plants of a row, as a share of their distance.
-TELLS_PLANTS_APART_RATIO = 0.2
+DISTINCT_PLANTS_RATIO = 0.2
 # Fragments of weeds taken for crop are smaller than the crop of the field by far.
 MIN_SIZE_RATIO, SIZE_WEIGHT = 0.2, 0.1
-# What is too small counts a little all the same, so that a few giants cannot shut out the crop.
+# Least weight of a small plant, so that a few giants cannot shut out the crop.
 SMALL_WEIGHT = 0.002
 # A plant farther outside the rows than this belongs to no row.
 BEYOND_M = 0.6
@@ -72,7 +72,7 @@ class CropRows(Correction[Scene]):
 
     def __init__(self, pose: PoseFilter) -> None:
         super().__init__(pose)
-        # What rejects too much is overruled by the contradiction of several plants, not by a run.
+        # Too many rejections are overruled by the contradiction of several plants, not by a run.
         self._gate = Gate(pose.config.row_gate_sigma, outlier="crop off its row")
         self._end_gate = Gate(pose.config.row_gate_sigma, outlier="row end elsewhere")
         self._contradiction = Contradiction()
@@ -168,12 +168,12 @@ class CropRows(Correction[Scene]):
         return False
 
     def _ahead(self, seen: CropSighting) -> tuple[Row, float] | None:
-        """How far ahead the plant's place in its row lies, where the pose determines that place."""
+        """Distance ahead of the plant's place in its row, where the pose determines that place."""
         at, spacing_m = seen.at, self.pose.rows.spacing_m
         if spacing_m is None:
             return None
         along = _row(at.forward, seen.lever_m)
-        if self.pose.ekf.project(along)[1] > (TELLS_PLANTS_APART_RATIO * spacing_m) ** 2:
+        if self.pose.ekf.project(along)[1] > (DISTINCT_PLANTS_RATIO * spacing_m) ** 2:
             return None
         return along, (find_slot(at, spacing_m)[1] - at.along_m) * at.stretch
 
@@ -219,12 +219,12 @@ class CropRows(Correction[Scene]):
 
 
 def _repeats(memory_m: float, moved_m: float) -> float:
-    """How many frames share one error that lasts; their noise has to count that often."""
+    """Count the frames that share one lasting error; their noise has to count that often."""
     return max(2.0 * memory_m / moved_m, 1.0)
 
 
 def _row(direction: tuple[float, float], lever_m: tuple[float, float]) -> Row:
-    """How a place that the pose carries along moves in a direction with the pose."""
+    """Make the row of a measurement: a place that the pose carries along, in a direction."""
     dx, dy = direction
     return ((X, dx), (Y, dy), (YAW, dy * lever_m[0] - dx * lever_m[1]))
 

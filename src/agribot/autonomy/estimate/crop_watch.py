@@ -27,18 +27,18 @@ LOOK_M, LEAST_LOOKS = 0.05, 5  # way between two looks that count, and how many 
 SLOT_M, BIN_M = 0.1, 0.025  # along the row and across it
 REACH_M = 0.3  # search for plants to either side of the mapped line
 BINS = round(2.0 * REACH_M / BIN_M)
-BAND_BINS = 2  # of a row, to either side of its middle
+BAND_BINS = 2  # half width of a row's band, to either side of its middle
 MAX_ASLANT_RAD = math.radians(20.0)
-LEAST_FILLED = 0.1  # of the band of a slot in which a plant stands
-LEAST_SLOTS = 4  # with plants
-LEAST_CONTRAST = 2.0  # of plants in the row against those beside it
+LEAST_FILLED = 0.1  # least filled share of the band of a slot with a plant
+LEAST_SLOTS = 4  # least slots with plants
+LEAST_CONTRAST = 2.0  # contrast of plants in the row against those beside it
 # Least share of crop in the row's plant cells for a network that knows the crop, and largest share
 # for one that does not.
 AGREES_RATIO, STRANGE_RATIO = 0.4, 0.2
 
 
 class _Slot(NamedTuple):
-    """What pictures showed of a piece of a row, by bins across it."""
+    """Counts of pictures for a piece of a row, by bins across it."""
 
     seen: Counts
     crop: Counts

@@ -167,7 +167,7 @@ class Doubts:
         agreement.forget()
         self._lines.forget()
         self.heading.forget()
-        self._identity.take_as_told()
+        self._identity.confirm_row()
         return True
 
     def forget(self) -> None:
@@ -176,7 +176,7 @@ class Doubts:
         self._agreement.forget()
         self._lines.forget()
         self.heading.forget()
-        self._identity.take_as_told()
+        self._identity.confirm_row()
 
     @property
     def _right(self) -> tuple[float, float]:

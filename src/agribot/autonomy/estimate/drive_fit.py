@@ -20,9 +20,9 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, SensorBatch
 
-# What the gyro's data sheet allows; directions of legs narrow it.
+# Error of the gyro's scale by its data sheet; directions of legs narrow it.
 GYRO_SCALE_STD = 0.01
-# A skidding vehicle has no exact separation: straight, in arcs and on the spot it differs.
+# Spread of the separation of a skidding vehicle: straight, in arcs and on the spot it differs.
 SKID_STD_RATIO = 0.01
 TAPE_STD_M = 0.01
 STOOD_M = 0.1  # a leg of some metres that was no longer than that
@@ -34,7 +34,7 @@ PARAMETERS = 3  # radius, radius / separation, gyro scale
 
 
 class Residual(msgspec.Struct, frozen=True, kw_only=True):
-    """How far one stretch is from what the fitted geometry says, relative to its size."""
+    """Error of one stretch against the fitted geometry, relative to its size."""
 
     name: str
     ratio: float
@@ -207,7 +207,7 @@ def _residuals(
         if lengths:
             length_m, std_m = min(lengths, key=lambda known: known[1])
             ratio = radius_m * abs(mean_rad) / length_m - 1.0
-            # What the measurement of the length explains is not the wheels' fault.
+            # The error of the measured length is not the wheels' fault.
             explained = min(abs(ratio), 2.0 * std_m / length_m)
             found.append(Residual(name=stretch.name, ratio=ratio - math.copysign(explained, ratio)))
     return tuple(found)

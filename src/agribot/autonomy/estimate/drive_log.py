@@ -56,7 +56,7 @@ class DriveLog:
         self.imu_t_s = np.array([sample.t_s for sample in imu])
         self._gyro = np.array([sample.gyro_radps[2] for sample in imu])
         self.rests = _rests(stretches, float(self.imu_t_s[0]), float(self.imu_t_s[-1]))
-        self._is_calm = [True, *(stretch.is_leg for stretch in stretches)]
+        self._is_steady = [True, *(stretch.is_leg for stretch in stretches)]
         self._turned_rad = self._integrate()
         self._positions = self._rest_positions()
 
@@ -107,8 +107,8 @@ class DriveLog:
         After a turn the body goes on to untwist slowly on its tyres: those rests do not count.
         """
         middles, biases = [], []
-        for (start_s, end_s), is_calm in zip(self.rests, self._is_calm, strict=True):
-            if not is_calm:
+        for (start_s, end_s), is_steady in zip(self.rests, self._is_steady, strict=True):
+            if not is_steady:
                 continue
             still = (self.imu_t_s >= start_s) & (self.imu_t_s <= end_s)
             if np.count_nonzero(still) > 1:
@@ -140,7 +140,7 @@ class DriveLog:
 def _rests(
     stretches: Sequence[Stretch], first_s: float, last_s: float
 ) -> list[tuple[float, float]]:
-    """Before, between and after the stretches, without the rocking after braking."""
+    """List rests before, between and after the stretches, without the rocking after braking."""
     ends = [first_s, *(stretch.at_rest_s for stretch in stretches)]
     starts = [*(stretch.start_s for stretch in stretches), last_s]
     return list(zip(ends, starts, strict=True))

@@ -18,7 +18,7 @@ from agribot.core.messages import GnssHeading, SensorBatch
 
 # Multipath bends the baseline for some seconds; the receiver's sigma covers single epochs only.
 STD_FACTOR = 1.1
-# The first heading is the median of this many.
+# Headings whose median is the first heading.
 FIRST_HEADINGS = 5
 
 

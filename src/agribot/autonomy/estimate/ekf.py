@@ -40,7 +40,7 @@ class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
     yaw_rad2_per_s: float
 
 
-# Of one step; a robot that hardly turns does not slide.
+# Least turn of one step; a robot that hardly turns does not slide.
 TURN_FLOOR_RAD = 1e-6
 
 
@@ -134,11 +134,11 @@ class Ekf:
         Returns: the step after the corrections for bias, scale and slip: x, y and yaw, map frame.
         """
         x = self.x
-        told_rad, turn_s = turn_rad - x[GYRO_BIAS] * dt_s, (1.0 - x[GYRO_SCALE]) * dt_s
-        turned_rad = told_rad - x[GYRO_SCALE] * told_rad
+        measured_rad, turn_s = turn_rad - x[GYRO_BIAS] * dt_s, (1.0 - x[GYRO_SCALE]) * dt_s
+        turned_rad = measured_rad - x[GYRO_SCALE] * measured_rad
         dx_m, dy_m, (x_row, y_row) = motion(
             x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
-            distance_m, told_rad, turn_s,
+            distance_m, measured_rad, turn_s,
         )  # fmt: skip
         xx_m2, yy_m2, xy_m2 = walk_across(
             dx_m, dy_m, distance_m, noise.across_m2_per_m - noise.along_m2_per_m
@@ -151,7 +151,7 @@ class Ekf:
         x[Y] += dy_m
         x[YAW] = wrap_rad(x[YAW] + turned_rad)
         a = self._a
-        a[X], a[Y], a[YAW, 1], a[YAW, 4] = x_row, y_row, -turn_s, -told_rad
+        a[X], a[Y], a[YAW, 1], a[YAW, 4] = x_row, y_row, -turn_s, -measured_rad
         self._propagate()
         position_m2 = noise.along_m2_per_m * abs(distance_m)
         position_m2 += noise.position_m2_per_rad * abs(turned_rad)

@@ -32,7 +32,7 @@ class RowFrame(NamedTuple):
 
     @property
     def off_m(self) -> float:
-        """How far to the right of the place the row next to it stands."""
+        """Distance of the next row, to the right of the place."""
         return self.row_right_m - self.right_m
 
 

@@ -30,7 +30,7 @@ CHECK_STD_RAD = math.radians(5.0)
 DRIVE_M = 3.0
 YAW_ROW: Row = ((YAW, 1.0),)
 
-# What has been measured once.
+# The first measurements that the filter waits for.
 Known = Literal["yaw", "position"]
 
 
@@ -75,7 +75,7 @@ class FirstHeading:
         self._turned_rad = turned_rad
         if self.is_compass_awaited:
             return
-        # What is learnt of the gyro at standstill must not turn what is drawn of the way.
+        # A gyro bias that is learnt at standstill must not turn the drawn way.
         self._ekf.reset(YAW, wrap_rad(turned_rad), math.pi**2)
         if self._start.yaw_map_rad is not None:
             self._set_as_marked(self._start.yaw_map_rad)

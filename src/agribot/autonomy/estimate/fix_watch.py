@@ -14,9 +14,10 @@ AGREE_FIXES = 25
 CARRIED_M = 0.1
 # Longest distance over which a person carries a robot that is switched on, m.
 MAX_JUMP_M = 1000.0
-# Nearer than this part of the jump, fixes are taken for those from before it.
+# Share of the jump within which fixes count as those from before it.
 BACK_RATIO = 0.5
-# Receivers give one fix a second or more, with jitter, and a single one may be an outlier.
+# Longest gap of fixes. Receivers give one fix a second or more, with jitter, and a single one may
+# be an outlier.
 MAX_GAP_S = 3.0
 
 
@@ -50,7 +51,7 @@ class JumpWatch:
     """
 
     def __init__(self) -> None:
-        self.off_m = 0.0  # how far the fixes jumped; 0 while they are believed
+        self.off_m = 0.0  # size of the fixes' jump; 0 while they are believed
         self._agreed = 0
         self._agreed_t_s, self._agreed_at_m = 0.0, 0.0
 
@@ -63,7 +64,7 @@ class JumpWatch:
             self.off_m = 0.0
 
     def is_jump(self, off_m: float, moved_m: float, *, is_corrected: bool) -> bool:
-        """After a run of rejected fixes, the last of them `off_m` away: not to be followed."""
+        """Return whether rejected fixes, now `off_m` away, are a jump and not to be followed."""
         drove_on = moved_m - self._agreed_at_m >= CARRIED_M
         has_left = is_corrected and self._agreed >= AGREE_FIXES and drove_on
         if self.off_m or has_left or off_m > MAX_JUMP_M:

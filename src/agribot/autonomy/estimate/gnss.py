@@ -12,7 +12,7 @@ import msgspec
 
 from agribot.autonomy.estimate.base_correction import take_off_base_error
 from agribot.autonomy.estimate.correction import Correction, Measurements
-from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO, DriftWatch, Told, Trust
+from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO, DriftWatch, Trust, WitnessReport
 from agribot.autonomy.estimate.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
@@ -51,11 +51,12 @@ from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch,
 from agribot.core.pose import Pose2
 
 UNKNOWN_M2 = 1e6
-SUSPICIOUS_REJECTIONS = 5  # in a row
-MAX_FROM_DATUM_M = 10e3  # of a first position; a map is flat, and a field is no larger
-# From this turn rate and turn on, fixes within three sigmas of where velocities lead are right.
-# On the straight, swerves and the gyro's noise add up to half of that turn: there they are right
-# where the wheels have lost some of their way ahead, but not aside.
+SUSPICIOUS_REJECTIONS = 5  # rejections in a row
+# Largest distance of a first position; a map is flat, and a field is no larger.
+MAX_FROM_DATUM_M = 10e3
+# Turn rate and turn from which fixes within three sigmas of where velocities lead are right. On the
+# straight, swerves and the gyro's noise add up to half of that turn: there they are right where the
+# wheels have lost some of their way ahead, but not aside.
 VOUCHED_TURN_RADPS, VOUCHED_TURN_RAD, VOUCHED_SIGMA2 = 0.1, 0.1, 9.0
 
 
@@ -82,12 +83,12 @@ class Gnss(Correction[GnssFix]):
         config, robot = pose.config, pose.robot
         # Offset of the last rejected fix, and sum of the jumps of robot and receiver.
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
-        self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
+        self.off_m = (0.0, 0.0)  # offset of the last fix from the filter's position
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
         self.position_noise, self.velocity = PositionNoise(), GnssVelocity(pose)
         self.wander = GnssWander()
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
-        # What turning the way, that was drawn before the heading was known, moves the robot by.
+        # Shift of the robot by turning the way that was drawn before the heading was known.
         self._turned_m = 0j
         self._widest_m2 = 0.0  # largest slow error that was believed of the receiver, squared
         self._rejected_fix: Measurement | None = None
@@ -104,7 +105,7 @@ class Gnss(Correction[GnssFix]):
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
-        self.elsewhere: FarFromMap | None = None  # where the first fixes are not of this map
+        self.elsewhere: FarFromMap | None = None  # first fixes outside this map
 
     @property
     def rejected_in_a_row(self) -> int:
@@ -151,8 +152,8 @@ class Gnss(Correction[GnssFix]):
         return batch.gnss
 
     def is_usable(self, sample: GnssFix) -> bool:
-        is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
-        return is_told and is_place(sample.lat_deg, sample.lon_deg)
+        is_known = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
+        return is_known and is_place(sample.lat_deg, sample.lon_deg)
 
     def objection(self, sample: GnssFix) -> str:
         if "position" not in self.pose.known:
@@ -278,7 +279,7 @@ class Gnss(Correction[GnssFix]):
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
         slip_rad = x[SLIP] * ekf.slip_ratio(yaw_rad)
         lost_ratio = clamp(x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO)
-        told = Told(
+        report = WitnessReport(
             t_s=fix.t_s,
             place_m=antenna_m,
             velocity_mps=complex(*velocity_mps[:2]),
@@ -296,7 +297,7 @@ class Gnss(Correction[GnssFix]):
             scale_ratio=math.sqrt(ekf.cov[WHEEL_SCALE, WHEEL_SCALE]),
             walk_m2_per_m=self.pose.config.position_walk_m_per_sqrt_m**2,
         )
-        drift.add(told, trust)
+        drift.add(report, trust)
         if drift.is_drifting:
             self.moved_m = _sum(self.moved_m, drift.off_m)
 
@@ -430,10 +431,10 @@ class Gnss(Correction[GnssFix]):
         is_often = self.rejected_in_a_row >= SUSPICIOUS_REJECTIONS
         if sure is None or not is_often:
             return False
-        told = way.compare(sure.mark, way.find_mark(self.last_t_s))
-        if told is None or self.quality is not GnssQuality.RTK_FIXED:
+        parted = way.compare(sure.mark, way.find_mark(self.last_t_s))
+        if parted is None or self.quality is not GnssQuality.RTK_FIXED:
             return False
-        parted_m, std_m = told
+        parted_m, std_m = parted
         variance_m2 = measured.variance + sure.variance_m2 + std_m**2
         off_m2 = abs(complex(*measured.residuals) + parted_m) ** 2
         least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
@@ -445,7 +446,7 @@ class Gnss(Correction[GnssFix]):
         return (has_turned or can_be_ahead) and off_m2 <= VOUCHED_SIGMA2 * variance_m2
 
     def _follow(self, measured: Measurement) -> None:
-        """With corrections the fix is right and the robot is elsewhere (carried, or slid).
+        """Follow the fixes: with corrections they are right, and the robot was carried or slid.
 
         Without them the slow error of the receiver is larger than it was believed to be; the pose
         of one that wanders by metres may have been led off by it, too.

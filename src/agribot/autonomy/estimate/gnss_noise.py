@@ -38,11 +38,11 @@ STEADY_FIXES = 6
 NAMED_NOISE_RATIO, NAMED_NOISE_MPS = 3.0, 0.1
 # Positions of honest receivers, tilting antennas included, scatter by less than what is stated.
 NAMED_SCATTER_RATIO, NAMED_SCATTER_M = 2.0, 0.03
-EVEN_STEP_RATIO = 0.3  # by which two steps of time may differ
+EVEN_STEP_RATIO = 0.3  # largest difference of two steps of time
 
 
 class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
-    """What the filter believes of a fix: white variance, and spread and walk of the bias."""
+    """The filter's model of a fix: white variance, and spread and walk of the bias."""
 
     variance_m2: float
     bias_std_m: float

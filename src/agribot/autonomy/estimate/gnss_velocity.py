@@ -16,7 +16,7 @@ from agribot.autonomy.estimate.lost_way import (
     LOST_MPS,
     LOST_S,
     STILL_SIGMA2,
-    ToldWay,
+    LedVelocity,
     are_fixes_vague,
     can_be_of_wheels,
     have_lost_way,
@@ -65,7 +65,7 @@ class GnssVelocity:
         self._spin_watch = SpinWatch(self._spin_after)
         self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
         self.carry, self.antenna = CarryWatch(), AntennaWatch()
-        self._told: ToldWay | None = None
+        self._last_mark: LedVelocity | None = None
         self._lost_t_s = -math.inf
 
     def spin_fault(self, t_s: float) -> WheelsSlip | None:
@@ -137,15 +137,17 @@ class GnssVelocity:
 
     def _lead(self, measured: Measurement, seen: _Seen, *, is_vague: bool) -> Measurement | None:
         """Measure the way from the last velocity, where wheels have lost theirs; None elsewhere."""
-        last, then, lever_m = self._told, seen.then, seen.lever_m
+        last, then, lever_m = self._last_mark, seen.then, seen.lever_m
         arm_m = complex(*Pose2(0.0, 0.0, seen.yaw_rad).rotate(*lever_m))
         velocity_mps = complex(*seen.velocity_mps)
-        told = self._told = ToldWay(seen.t_s, velocity_mps, complex(then.x_m, then.y_m) + arm_m)
-        step_s = math.inf if last is None else told.t_s - last.t_s
+        mark = self._last_mark = LedVelocity(
+            seen.t_s, velocity_mps, complex(then.x_m, then.y_m) + arm_m
+        )
+        step_s = math.inf if last is None else mark.t_s - last.t_s
         if last is None or step_s > MAX_GAP_S:
             return None
         mean_mps = (last.velocity_mps + velocity_mps) / 2.0
-        off_mps = mean_mps - (told.led_m - last.led_m) / step_s
+        off_mps = mean_mps - (mark.led_m - last.led_m) / step_s
         off_ahead_mps, _ = ahead_and_aside((off_mps.real, off_mps.imag), seen.yaw_rad)
         ahead_mps, aside_mps = ahead_and_aside((mean_mps.real, mean_mps.imag), seen.yaw_rad)
         rate_radps, is_steady = then.yaw_rate_radps, self.noise.is_steady

@@ -19,7 +19,8 @@ LAG_S = 3.0
 MEMORY_S, LEAST_S = 120.0, 20.0
 # Walk of a receiver that states no velocity and has no base near by, until it is learnt.
 UNSEEN_WALK_M_PER_SQRT_S = 0.4
-# A learnt walk counts from this multiple of the stated one on: slipping wheels look like one, too.
+# Least multiple of the stated walk from which a learnt walk counts: slipping wheels look like one,
+# too.
 SURE_WALK_RATIO = 2.0
 # Largest learnt walk, as a multiple of the stated one.
 MOST_WALK_RATIO = 10.0

@@ -21,25 +21,25 @@ class HeadingWatch:
     """Call `add` with every estimate: the heading less what the gyro made of it, and its sigma."""
 
     def __init__(self) -> None:
-        self._told: deque[tuple[float, float, float]] = deque()
+        self._offsets: deque[tuple[float, float, float]] = deque()
         self._jump_rad = 0.0
 
     def add(self, t_s: float, off_rad: float, std_rad: float) -> None:
-        told = self._told
-        told.append((t_s, off_rad, std_rad))
-        while t_s - told[0][0] > WINDOW_S:
-            told.popleft()
-        _, before_rad, before_std_rad = told[0]
+        offsets = self._offsets
+        offsets.append((t_s, off_rad, std_rad))
+        while t_s - offsets[0][0] > WINDOW_S:
+            offsets.popleft()
+        _, before_rad, before_std_rad = offsets[0]
         jump_rad = wrap_rad(off_rad - before_rad)
         if before_std_rad <= SURE_STD_RAD and abs(jump_rad) > JUMP_RAD:
             self._jump_rad = jump_rad
 
     def forget(self) -> None:
         """Take the heading as it is: a person has decided."""
-        self._told.clear()
+        self._offsets.clear()
         self._jump_rad = 0.0
 
     @property
     def fault(self) -> HeadingJumped | None:
-        """By how much it jumped, until a person has looked."""
+        """Jump that a person has not looked at yet."""
         return HeadingJumped(self._jump_rad) if self._jump_rad else None

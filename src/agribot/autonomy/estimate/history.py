@@ -20,7 +20,7 @@ class Motion(msgspec.Struct, gc=False):
     yaw_rate_radps: float
 
 
-# Where the odometry begins.
+# Start of the odometry.
 UNMOVED = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

@@ -20,13 +20,13 @@ GRAVITY_MPS2 = 9.81
 LEAST_GRAVITY_MPS2 = 0.7 * GRAVITY_MPS2
 # 1 sigma of an angle that counts as found: a third of the angle that separates square mounts, rad.
 SURE_RAD = math.radians(15.0)
-# Gravity and turns that disagree by more contradict each other, rad.
+# Largest angle between gravity and turns that agree, rad.
 AGREE_RAD = math.radians(35.0)
 # Angle to square up to which an IMU is mounted square: soil tilts the mean by some degrees, rad.
 SQUARE_RAD, SQUARE_SIGMA = math.radians(12.0), 2.0
 # Factor on the variance of accelerations by soil and vibration, which last over some samples.
 LASTING = 4.0
-# Of the wheels' acceleration, the share that an IMU must show to have measured it.
+# Share of the wheels' acceleration that an IMU must show to have measured it.
 LEAST_GAIN, MOST_GAIN = 0.3, 2.0
 LEAST_SAMPLES = 20
 

@@ -25,7 +25,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.geo import std_along_m
 from agribot.core.pose import Pose2
 
-# Before anything speaks against it, a receiver that lies is given this probability.
+# Probability of a receiver that lies, before evidence against it.
 FAULT_RATIO = 0.1
 ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
 # Wrong fixes and multipath last minutes; then a jump that nothing took back is believed.
@@ -39,13 +39,13 @@ LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
 LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
 # Way in turns from which the velocities of the receiver show where the robot is, too.
 VOUCHED_TURNING_M = 0.2
-# Where nothing holds the filter better than this it follows the wheels and shows no loss.
+# Error below which something holds the filter; above it, it follows the wheels and shows no loss.
 LEARNING_STD_M = 0.03
-# What the camera held the robot to across its row still counts while it heads within this of it.
+# Largest change of heading for which the camera's hold across the row still counts.
 HELD_HEADING_COS = math.cos(math.radians(20.0))
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
-# More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
+# Largest share of the wheels' way that slip loses; beyond it the GNSS or the robot stands still.
 MAX_LOST_RATIO = 0.1
 
 
@@ -84,7 +84,7 @@ class _Anchor(NamedTuple):
     by_velocity: VelocityMark | None
 
     def apart_m(self, here: _Anchor) -> tuple[float, float]:
-        """From where dead reckoning leads from here to a later place, to where the filter is."""
+        """Vector from the place of dead reckoning at a later time to that of the filter."""
         slip_rad, (then_x, then_y), (x, y) = self.slip_rad, self.aside_m, here.aside_m
         return (
             here.x_m - self.x_m - slip_rad * (x - then_x),
@@ -92,13 +92,13 @@ class _Anchor(NamedTuple):
         )
 
     def turned_m(self, here: _Anchor) -> tuple[float, float]:
-        """How far turns have led from here to a later place, as the wheels have it."""
+        """Way in turns from here to a later place, by the wheels."""
         (then_x, then_y), (x, y) = self.turning_way_m, here.turning_way_m
         return x - then_x, y - then_y
 
 
 class _Hold(NamedTuple):
-    """Where the camera held the robot last, what GNSS had moved the filter by, and its left."""
+    """Last hold of the camera: its place, the filter's shift by GNSS, and the left."""
 
     anchor: _Anchor
     moved_m: tuple[float, float]
@@ -106,7 +106,7 @@ class _Hold(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """How far the robot may be off: in any direction, and to the side of where it heads.
+    """Bounds of the error: in any direction, and to the side of the heading.
 
     `across_plain_m` is what the covariance alone makes of the latter, as if no GNSS were ever
     wrong, `across_unknown_m` what it would be if no two solutions differed: mere ignorance,
@@ -203,16 +203,18 @@ class Integrity:
         self._learn_turn_loss(anchor, here)
         apart_m = math.hypot(*self._apart_m(anchor, here))
         alone_m = self._fault_gain * self._alone_std_m(anchor)
-        if told := self._tell_by_velocity(anchor, here):
-            apart_m = abs(told[0])
-            alone_m = self._fault_gain * math.hypot(anchor.spread.position_m, told[1])
+        if parted := self._compare_with_velocity(anchor, here):
+            apart_m = abs(parted[0])
+            alone_m = self._fault_gain * math.hypot(anchor.spread.position_m, parted[1])
         self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
         self._forget(here, anchor)
         plain_m = self._gain * here.spread.position_m
         return max(plain_m + self._doubted_m(), apart_m + alone_m)
 
-    def _tell_by_velocity(self, anchor: _Anchor, here: _Anchor) -> tuple[complex, float] | None:
-        """How far the filter parted from the receiver's velocities, and 1 sigma of these.
+    def _compare_with_velocity(
+        self, anchor: _Anchor, here: _Anchor
+    ) -> tuple[complex, float] | None:
+        """Measure the filter's distance from the receiver's velocities, and 1 sigma of these.
 
         None where the robot has hardly turned: there the wheels know better.
         """
@@ -239,10 +241,10 @@ class Integrity:
             + self._slid_m2(anchor)
         )
         unknown_m = self._across_fault_gain * alone_m
-        if told := self._tell_by_velocity(anchor, here):
-            apart_m = abs(_along(left, (told[0].real, told[0].imag)))
+        if parted := self._compare_with_velocity(anchor, here):
+            apart_m = abs(_along(left, (parted[0].real, parted[0].imag)))
             begun_m = std_along_m(anchor.spread.cov_m2, left)
-            unknown_m = self._across_fault_gain * math.hypot(begun_m, told[1])
+            unknown_m = self._across_fault_gain * math.hypot(begun_m, parted[1])
         return max(plain_m + doubted_m, apart_m + unknown_m), max(plain_m, unknown_m)
 
     def _find_sure(self, left: tuple[float, float]) -> tuple[_Anchor, tuple[float, float]]:
@@ -258,7 +260,7 @@ class Integrity:
         return (hold.anchor, hold.moved_m) if is_so_still else (anchor, self._believed_m)
 
     def _apart_m(self, anchor: _Anchor, here: _Anchor) -> tuple[float, float]:
-        """From where dead reckoning leads to where the filter is, less what turns usually cost."""
+        """Measure the vector from dead reckoning to the filter, less the usual cost of turns."""
         (x_m, y_m), (lost_x, lost_y) = anchor.apart_m(here), anchor.turned_m(here)
         return x_m + self._turn_loss_ratio * lost_x, y_m + self._turn_loss_ratio * lost_y
 
@@ -315,7 +317,7 @@ class Integrity:
             self._anchors.append(here)
 
     def _doubted_m(self) -> float:
-        """Where else the robot may be: at the fixes that are rejected, or before it followed them.
+        """Sum up how far off the robot may be: rejected fixes, followed ones, and their drift.
 
         A jump that is taken back leaves nothing of this. A receiver whose positions and velocity
         differ may have led the filter off by the difference.

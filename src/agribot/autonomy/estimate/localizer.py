@@ -57,14 +57,14 @@ from agribot.core.messages import (
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 
-# Slow errors are aged together, not at every wheel reading.
+# Period in which slow errors are aged together, not at every wheel reading.
 AGEING_PERIOD_S = 0.1
 # Longer gaps are walked through in pieces, so that a turn inside one stays an arc.
 MAX_STEP_S, MAX_PIECES = 0.1, 200
-# What a turn and a distance from the wheels alone are worth on soil.
+# Error of a turn and of a distance from the wheels alone on soil.
 BLIND_TURN_RATIO, BLIND_DISTANCE_RATIO = 0.3, 0.3
 BLIND_YAW_RAD_PER_SQRT_S = 0.05
-# Dead reckoning also counts as lost when it has lost half as much again as was known.
+# Factor over the known loss from which dead reckoning also counts as lost.
 LOST_RATIO = 1.5
 STANDING_MPS = 0.02
 # Half seconds of standstill after which a rate that is implausible as a bias is taken for one;
@@ -173,8 +173,10 @@ class Localizer:
         self._look_for_crop(scene)
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
         epoch = self._history.epoch(scene.t_s)
-        is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # fixes that distinguish rows
-        if scene.crop_cover is not None and epoch is not None and not is_told:
+        distinguishes_rows = (
+            self._gnss.quality is GnssQuality.RTK_FIXED
+        )  # fixes that distinguish rows
+        if scene.crop_cover is not None and epoch is not None and not distinguishes_rows:
             self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
 
     def _look_for_crop(self, scene: Scene) -> None:

@@ -1,4 +1,4 @@
-"""Where wheels lose their way, the velocities of the receiver lead: on clods, and in turns on them.
+"""Correct the wheels' way by the receiver's velocities: on clods, and in turns on them.
 
 Wheels and gyro measure the way to millimetres as long as the wheels grip. Where they do not, the
 robot is off by a decimetre after some metres, and fixes without fixed ambiguities are too far off
@@ -27,7 +27,7 @@ MAX_STD_MPS = 0.13
 TURNING_RADPS = 0.1
 
 
-class ToldWay(NamedTuple):
+class LedVelocity(NamedTuple):
     """A velocity, and where wheels and gyro had led the antenna until then, East + i North."""
 
     t_s: float

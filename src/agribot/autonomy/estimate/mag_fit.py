@@ -21,7 +21,7 @@ SECTORS, PER_SECTOR = 36, 20
 MIN_SECTORS = 12
 # A fit with larger errors of the heading than this, 1 sigma at the worst heading, is not used.
 MAX_STD_RAD = math.radians(1.5)
-# More than a third of the field is no iron that a fit takes away but a magnet nearby.
+# Largest stretch of the field by iron that a fit takes away; more is a magnet nearby.
 MAX_STRETCH_RATIO = 0.35
 
 
@@ -63,7 +63,7 @@ class MagFitted(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def sector_of(north_rad: float) -> int:
-    """Which of the directions a bearing of magnetic North from the nose falls into."""
+    """Return the sector of a bearing of magnetic North from the nose."""
     return math.floor(north_rad / math.tau * SECTORS) % SECTORS
 
 
@@ -97,7 +97,7 @@ class MagFit:
         return True
 
     def solve(self) -> MagFitted | None:
-        """None while the readings do not determine an ellipse."""
+        """Solve for the ellipse; None while the readings do not determine it."""
         if self.sectors < 3 or self.count < 8:
             return None
         values, _ = np.linalg.eigh(self._square)

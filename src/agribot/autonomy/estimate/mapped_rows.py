@@ -37,7 +37,7 @@ class MappedRows:
         table = np.array(pieces, dtype=np.float64).reshape(-1, 9)
         self._start, self._ahead = table[:, :2], table[:, 2:4]
         self._length_m, self._along_m = table[:, 4], table[:, 5]
-        self._turns_rad = table[:, 6:8]  # from the piece to the middle of its corners
+        self._turns_rad = table[:, 6:8]  # directions from the piece to the middle of its corners
         self._row = table[:, 8].astype(int)
         self._row_length_m = [_measure_length_m(way) for way in ways]
 
@@ -89,7 +89,7 @@ class MappedRows:
         return (is_first and way_m < 0.0) or (is_last and way_m > self._length_m[piece])
 
     def _turn_rad(self, piece: int, foot_m: float, length_m: float) -> float:
-        """How far the row has turned off a piece of its line, towards the nearer corner."""
+        """Turn of the row at a piece of its line, towards the nearer corner."""
         blend_m = min(BLEND_M, length_m / 2.0)
         before, behind = self._turns_rad[piece].tolist()
         parts = 1.0 - foot_m / blend_m, 1.0 - (length_m - foot_m) / blend_m

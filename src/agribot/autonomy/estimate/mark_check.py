@@ -8,7 +8,7 @@ from collections import deque
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.facts import StartAside
 
-# A position is the median of this many fixes, so that no single one can spoil it.
+# Number of fixes whose median is a position, so that no single one can spoil it.
 FIRST_FIXES = 5
 # Way of the wheels after which they show by themselves that fixes jump, m.
 SET_OFF_M = 0.1

@@ -25,9 +25,10 @@ class Measurement(NamedTuple):
     is_retaken: bool = True
     # Something else says that the state is wrong: the filter opens, whatever the gate says.
     must_open: bool = False
-    # Of errors that last longer than a sample: residuals are judged without, and taken with it.
+    # Variance of errors that last longer than a sample: residuals are judged without, and taken
+    # with it.
     lasting_variance: float | None = None
-    # What the gate lets in counts the less the more it looks like an outlier all the same.
+    # Whether an accepted sample counts less the more it looks like an outlier.
     has_tails: bool = False
 
     @property

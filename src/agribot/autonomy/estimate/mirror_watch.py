@@ -21,7 +21,7 @@ from agribot.core.messages import Scene
 LINES, BEND_RAD = 5, math.radians(0.7)
 # Neighbouring pictures show the same leaves: two of three looks are new.
 NEW_RATIO = 2.0 / 3.0
-TURN_RAD = math.radians(1.5)  # that a vote needs
+TURN_RAD = math.radians(1.5)  # turn that a vote needs
 # A direction that was seen longer ago, in way or turn, is that of another row or piece of it.
 MAX_WAY_M, MAX_TURN_RAD = 1.0, math.radians(10.0)
 # At least three looks must err, and no lead is larger than two looks take back.
@@ -29,7 +29,7 @@ MOST_VOTE, NEEDED, MOST = 4.0, 12.0, 20.0
 
 
 class _Look(NamedTuple):
-    """Where dead reckoning was, and how the row ran as seen from there."""
+    """Place by dead reckoning, and the direction of the row as seen from there."""
 
     then: Motion
     yaw_rad: float
@@ -66,9 +66,9 @@ class MirrorWatch:
         if abs(turned_rad) < TURN_RAD:
             return
         self._first = now
-        told_rad = math.remainder(now.heading_rad - first.heading_rad, math.pi)
+        reported_rad = math.remainder(now.heading_rad - first.heading_rad, math.pi)
         noise_rad2 = (first.std_rad**2 + now.std_rad**2) / (NEW_RATIO * LINES)
-        vote = -2.0 * turned_rad * told_rad / (BEND_RAD**2 + noise_rad2)
+        vote = -2.0 * turned_rad * reported_rad / (BEND_RAD**2 + noise_rad2)
         vote = min(max(vote, -MOST_VOTE), MOST_VOTE)
         self._against = min(max(self._against + vote, 0.0), MOST)
         self.is_mirrored = self._against >= (1.0 if self.is_mirrored else NEEDED)

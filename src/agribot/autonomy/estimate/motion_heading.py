@@ -26,7 +26,7 @@ LEAST_COURSE_MPS, LEAST_COURSE_STD_MPS = 0.1, 0.03
 COURSE_MEMORY_S = 1.0
 # A place that the wheels cannot have led to from most of the others, in joint sigmas.
 OUTLIER_SIGMA = 4.0
-# What wheels lose or gain of a way on soil, as a bound.
+# Largest loss or gain of the wheels' way on soil.
 WAY_SLACK_RATIO = 0.2
 # 1 sigma of the angle between where a skidding robot points and where it goes.
 CRAB_STD_RAD = 0.03
@@ -35,7 +35,7 @@ GYRO_BIAS_STD_RADPS = 0.003
 
 
 class WayPlace(NamedTuple):
-    """Where a fix has the antenna, east and north as one complex number, and where wheels led it.
+    """A fix's place of the antenna, east and north as one complex number, and that by the wheels.
 
     `white_m` is the scatter of the fix, `slow_m` and `walk_m_per_sqrt_s` size and walk of its
     slow error, all 1 sigma per axis; `way_m` is how far the wheels have turned in all.

@@ -19,8 +19,8 @@ from agribot.core.robot import DriveSpec
 MAX_WHEEL_FACTOR, MAX_WHEEL_SLACK_RAD = 2.0, 0.3
 # Averaging separates gravity from driving accelerations; a rover pitches slower than this.
 TILT_AVERAGE_S = 0.5
-# Outside it the averaged acceleration is not gravity: free fall, shocks, or an IMU that
-# subtracts gravity itself. The robot then counts as level, as with an IMU that has none.
+# Range of gravity. Outside it the averaged acceleration is free fall, shocks, or that of an IMU
+# that subtracts gravity itself. The robot then counts as level, as with an IMU that has none.
 GRAVITY_MPS2 = (8.5, 11.1)
 # Capture times lie before the batch that delivers them, but for rounding of the clocks.
 MAX_AHEAD_S = 0.05
@@ -64,7 +64,7 @@ class Odometry:
         self._rate_radps: float | None = None
         self._rate_t_s = -math.inf
         self._gyro_radps: Vec3 = (0.0, 0.0, 0.0)
-        self._accel_mps2: Vec3 | None = None  # of the newest samples, where they have one
+        self._accel_mps2: Vec3 | None = None  # acceleration of the newest samples, if they have one
         self._average_mps2: Vec3 | None = None
         self._up: Vec3 = (0.0, 0.0, 1.0)
         left_mps, right_mps = drive.wheel_speeds_radps(

@@ -15,7 +15,8 @@ from agribot.autonomy.estimate.history import Motion
 from agribot.core.facts import PictureReversed
 from agribot.core.messages import GroundPlant, Scene
 
-# A plant is the nearest one of its kind to where it was, and no other is nearer to that one.
+# Largest distance of one plant in two pictures: the nearest one of its kind, with no other nearer
+# to it.
 SAME_M = 0.12
 # Way after which it votes, and shares of it by which it must have gone back or come nearer.
 VOTE_M, BACK_RATIO, AHEAD_RATIO = 0.08, -0.15, 0.5
@@ -80,7 +81,7 @@ class PictureFlow:
 
 
 def _way_m(a: Motion, b: Motion) -> float:
-    """From one place to the next, negative backwards."""
+    """Measure the way from one place to the next, negative backwards."""
     return math.copysign(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m), b.wheel_mps)
 
 

@@ -8,7 +8,8 @@ from agribot.autonomy.estimate.history import Motion
 from agribot.core.facts import PictureFrozen
 from agribot.core.messages import Scene
 
-# No two pictures of moving ground are alike to the last bit.
+# Way after which equal pictures are stale: no two pictures of moving ground are alike to the last
+# bit.
 STALE_M = 0.05
 TURNED_M_PER_RAD = 0.5  # a robot that turns on the spot sees other ground, too
 

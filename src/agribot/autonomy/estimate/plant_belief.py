@@ -24,7 +24,8 @@ PIECE_M, LOOK_M = 2.0, 0.25
 FEWEST = 4
 # Error of the way by wheels and gyro over a piece, 1 sigma.
 PIECE_STD_M = 0.06
-# That the robot is at none of the places that were likely before, against at the likeliest.
+# Probability that the robot is at none of the places that were likely before, against the
+# likeliest.
 LOST_RATIO = 1e-5
 
 
@@ -40,7 +41,7 @@ class PlantBelief:
         self._window = PlantWindow()
         self.places: list[MatchedPlace] = []
         self._before: list[MatchedPlace] = []
-        self._at: Motion | None = None  # where the piece of way began
+        self._at: Motion | None = None  # start of the stretch
         self._looked: Motion | None = None
         self.seen = 0  # plants on this piece of way
 

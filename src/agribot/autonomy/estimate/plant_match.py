@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.stem_map import NOBODY, IndexArray, StemMap
+from agribot.autonomy.estimate.stem_map import NO_PLANT, IndexArray, StemMap
 from agribot.core.messages import FloatArray
 
-# How far a plant is seen from where the map has it, 1 sigma: both looks, and the odometry between.
+# Distance of a seen plant from its place in the map, 1 sigma: both looks, and the odometry between.
 SEEN_STD_M = 0.04
 # Probability that a mapped plant in view is seen, and things on a square metre that are taken for
 # crop but are not on the map.
@@ -32,7 +32,7 @@ SHARE = 0.6
 # Places nearer to each other than this are one.
 SAME_M, SAME_RAD = 0.1, math.radians(4.0)
 ANCHORS, KEPT, CHUNK = 4, 800, 2000
-# That the robot stands where the map has nothing of what it sees, before it has seen anything.
+# Probability of a place outside the map's plants, before the robot has seen anything.
 ELSEWHERE = 0.01
 
 
@@ -44,7 +44,7 @@ class SeenPlants(NamedTuple):
 
 
 class MatchedPlace(NamedTuple):
-    """Where the robot may stand: its place, the turn of its heading, and the probability of it.
+    """A possible place of the robot, the turn of its heading, and their probability.
 
     `matched` of the plants that were seen stand on mapped ones there.
     """
@@ -133,7 +133,7 @@ def _match(
     at = places[:, None] + seen_m[None]
     nearest = plants.find_nearest(at[..., 0], at[..., 1])
     off_m = at - plants.stems_map_m[nearest]
-    off2 = np.where(nearest == NOBODY, np.inf, (off_m**2).sum(axis=-1))
+    off2 = np.where(nearest == NO_PLANT, np.inf, (off_m**2).sum(axis=-1))
     gain: FloatArray = np.maximum(MATCHED_GAIN - off2 / (2.0 * SEEN_STD_M**2), 0.0)
     return gain, off_m
 

@@ -30,8 +30,8 @@ from agribot.core.pose import Pose2
 
 # Probability and number of plants that make a place sure.
 SURE, FEWEST_SURE = 0.999, 8
-# Once a place is that likely, it counts which row it is in.
-TELLS_ROW = 0.99
+# Probability of a place from which its row counts.
+ROW_PROBABILITY = 0.99
 # Offset from the pose, m and in sigmas, up to which plants are in place; offset along the row up to
 # which the pose follows them unasked.
 HERE_M, HERE_SIGMA, ALONG_M = 0.12, 3.5, 1.0
@@ -44,7 +44,7 @@ STD_M, MEMORY_M = 0.03, 1.0
 # Headings are tried in such steps, where the heading is known worse than that.
 TURN_RAD, MOST_TURNS = math.radians(1.5), 8
 YAW_STD_RAD = math.radians(1.0)
-# Before it has moved farther than this, the robot takes the plants' word.
+# Way at the start within which the robot follows the plants.
 STARTS_M = 0.3
 
 
@@ -101,7 +101,7 @@ class PlantPlaces(Correction[Scene]):
             if is_sure:
                 self._set(best, epoch)
             return
-        if best.share >= TELLS_ROW and best.matched >= FEWEST_SURE:
+        if best.share >= ROW_PROBABILITY and best.matched >= FEWEST_SURE:
             self.pose.identity.weigh(self._share_rows(belief.places, here, pose))
         if is_sure:
             yield from self._hold(best, pose, here, epoch)
@@ -154,7 +154,7 @@ class PlantPlaces(Correction[Scene]):
             max(HERE_M, HERE_SIGMA * self._project_std_m(way)) for way in (here.forward, here.right)
         ]
         if abs(right_m) > min(limits[1], here.pitch_m / 2.0) or abs(along_m) > ALONG_M:
-            self._tell_elsewhere(best, along_m, right_m, epoch)
+            self._report_elsewhere(best, along_m, right_m, epoch)
             return
         self._elsewhere, self.pose.identity.elsewhere = None, None
         yield Measurement(
@@ -167,7 +167,7 @@ class PlantPlaces(Correction[Scene]):
             must_open=abs(along_m) > limits[0],
         )  # fmt: skip
 
-    def _tell_elsewhere(
+    def _report_elsewhere(
         self, best: MatchedPlace, along_m: float, right_m: float, epoch: Epoch
     ) -> None:
         if self._moved_m < STARTS_M:

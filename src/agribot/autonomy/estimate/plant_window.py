@@ -27,7 +27,7 @@ class PlantWindow:
     """
 
     def __init__(self) -> None:
-        self._plants = np.empty((0, 3))  # of each x and y, and the looks at it
+        self._plants = np.empty((0, 3))  # x and y of each plant, and the looks at it
         self._views: Counter[tuple[int, int]] = Counter()
         self._counted_m = np.empty((0, 2))
         self._counted: set[tuple[int, int]] = set()

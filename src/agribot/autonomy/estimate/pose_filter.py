@@ -70,7 +70,7 @@ class PoseFilter:
 
     @property
     def rows_off_m(self) -> tuple[float, float]:
-        """How far the rows stand East and North of where the map has them."""
+        """Offset of the rows from the map, East and North."""
         x = self.ekf.x
         right_x, right_y = self.rows.at(x[X], x[Y]).right
         return x[ROW_OFFSET] * right_x, x[ROW_OFFSET] * right_y
@@ -119,7 +119,7 @@ class PoseFilter:
             self._take(measured, measured.taken_variance(distance2))
 
     def _distance2(self, measured: Measurement) -> float:
-        """Of the residual that fits worst."""
+        """Squared distance of the worst residual."""
         pairs = zip(measured.rows, measured.residuals, strict=True)
         return max(self.ekf.distance2(row, off, measured.variance) for row, off in pairs)
 

@@ -7,9 +7,9 @@ import math
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, MotionNoise
 from agribot.core.config import EstimateConfig
 
-# A skidding robot does not turn exactly about its centre; the ground moves that point about.
+# Slip of the turning centre: a skidding robot does not turn exactly about its centre.
 TURN_CENTRE_M_PER_SQRT_RAD = 0.03
-# MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
+# Error of a MEMS gyro's scale, about 1 %: a half turn then ends 1.8 degrees off, 1 sigma.
 GYRO_SCALE_STD_RATIO = 0.01
 # Wheels measure the length of a way except for their slip.
 ALONG_WALK_M_PER_SQRT_M = 0.005

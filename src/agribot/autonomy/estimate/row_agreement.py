@@ -12,7 +12,7 @@ from agribot.core.facts import CameraAndGnssDisagree
 WINDOW_S, MIN_LOOKS, MIN_FIXES = 2.0, 8, 8
 # A camera that is mounted 3 cm and 1.5 degrees wrong, and fixes that are 2 cm off, differ by less.
 NAMED_M = 0.10
-# Half of what a wheel may be off its way before it reaches the crop: the robot may follow either.
+# Half of a wheel's distance from the crop: the robot may follow either.
 HALT_M = 0.15
 LASTS_S, SETTLED_RATIO = 1.0, 0.8
 # Rows that stand beside their map do so from the first look at a row on, within what fixes wander.
@@ -23,7 +23,7 @@ NAMED_S = 15.0
 # Time after its last sighting for which a row holds the robot across it.
 HELD_S = 2.0
 
-Told = deque[tuple[float, float]]
+Offsets = deque[tuple[float, float]]
 
 
 class RowAgreement:
@@ -34,8 +34,8 @@ class RowAgreement:
     """
 
     def __init__(self) -> None:
-        self._looks: Told = deque()
-        self._fixes: Told = deque()
+        self._looks: Offsets = deque()
+        self._fixes: Offsets = deque()
         self._since_s: float | None = None
         self._named_t_s = -math.inf
         self._held_t_s = -math.inf
@@ -88,7 +88,7 @@ class RowAgreement:
 
     @property
     def doubted_m(self) -> float:
-        """How far camera and fixes are apart, as long as it is open which of them is right."""
+        """Distance of camera and fixes, as long as it is open which of them is right."""
         return 0.0 if self._is_beside else self.apart_m
 
     @property
@@ -109,12 +109,12 @@ class RowAgreement:
     def bears_out(self, t_s: float, off_m: float) -> bool:
         """Whether fixes put the robot where a look does."""
         _drop_old(self._fixes, t_s)
-        is_told = len(self._fixes) >= MIN_FIXES
-        return is_told and abs(off_m - _middle(self._fixes)) < NAMED_M
+        has_fixes = len(self._fixes) >= MIN_FIXES
+        return has_fixes and abs(off_m - _middle(self._fixes)) < NAMED_M
 
     @property
     def shown_m(self) -> tuple[float, float]:
-        """Where camera and fixes put the robot, to the right of the pose."""
+        """Places by camera and fixes, to the right of the pose."""
         return _middle(self._looks), _middle(self._fixes)
 
     @property
@@ -165,15 +165,15 @@ class RowAgreement:
         self.must_halt = self.must_halt or apart_m >= limit_m
 
 
-def _add(told: Told, t_s: float, off_m: float) -> None:
-    told.append((t_s, off_m))
-    _drop_old(told, t_s)
+def _add(offsets: Offsets, t_s: float, off_m: float) -> None:
+    offsets.append((t_s, off_m))
+    _drop_old(offsets, t_s)
 
 
-def _drop_old(told: Told, t_s: float) -> None:
-    while told and t_s - told[0][0] > WINDOW_S:
-        told.popleft()
+def _drop_old(offsets: Offsets, t_s: float) -> None:
+    while offsets and t_s - offsets[0][0] > WINDOW_S:
+        offsets.popleft()
 
 
-def _middle(told: Told) -> float:
-    return statistics.median(off_m for _, off_m in told) if told else 0.0
+def _middle(offsets: Offsets) -> float:
+    return statistics.median(off_m for _, off_m in offsets) if offsets else 0.0

@@ -20,22 +20,22 @@ from agribot.core.facts import PlantsElsewhere, Side, WhichRow
 from agribot.core.messages import CropCover
 from agribot.core.pose import Pose2
 
-# How many rows to the right of where it believes to be the robot may be, and how likely that is
-# of a robot that was put down on its mark by a person.
+# Probability of each number of rows to the right of the believed one, for a robot that a person put
+# down on its mark.
 PRIOR: dict[int, float] = {-2: 0.002, -1: 0.008, 0: 0.98, 1: 0.008, 2: 0.002}
-LEAST_SHARE = 1e-9  # of a row in which no plant of the map fits
-TOLD = 1e-6  # of every other row, once a person has said which it is
+LEAST_SHARE = 1e-9  # least share of a row in which no plant of the map fits
+OTHER_ROW = 1e-6  # probability of every other row, once a person has named the row
 # Length of the stretch that is one look, and its distance ahead of the robot.
 LOOK_M, AHEAD_M = 0.5, 1.2
 # Search for crop to either side of a row, and cells of it that must be in view.
 HALF_STRIP_M, MIN_CELLS = 0.2, 60
 # Least share of crop in a strip where a row grows, and largest where none does.
 CROP_RATIO, BARE_RATIO = 0.05, 0.01
-# How likely a look is at crop where no row is, and at bare ground where one is, against looks as
-# they are to be; and the most that all looks at one strip of a row can say.
+# Probability of a look at crop beside every row, and at bare ground in one, against expected looks;
+# and the largest weight of all looks at one strip of a row.
 STRAY_CROP, BARE_ROW = math.log(1.0 / 9.0), math.log(1.0 / 3.0)
 MOST_CROP, MOST_BARE = math.log(1.0 / 1000.0), math.log(1.0 / 100.0)
-# From plants farther apart than this a look shows nothing, and so near a row's end it is unsure.
+# Largest plant spacing at which a look shows anything, and the uncertain length at a row's end.
 MAX_SPACING_M, END_M = 0.5, 0.6
 MAX_ASLANT_RAD = math.radians(12.0)
 # A place this near to the line of a row, in row distances, is in it; between rows it is in none.
@@ -57,7 +57,8 @@ class RowIdentity:
         self._least = least_certainty
         self._said: dict[tuple[int, Strip, int], float] = {}
         self._began: tuple[float, float] | None = None
-        self.elsewhere: PlantsElsewhere | None = None  # by the plants of a map
+        # Evidence of another row, by the plants of a map.
+        self.elsewhere: PlantsElsewhere | None = None
         self._by_plants: dict[int, float] = {}
         self._certainty: float | None = None
         self.restart()
@@ -98,10 +99,10 @@ class RowIdentity:
         self._by_plants = {shift: shares.get(shift, 0.0) + missing for shift in self._log}
         self._certainty = None
 
-    def take_as_told(self) -> None:
+    def confirm_row(self) -> None:
         """Begin anew: a person has said where the robot is."""
         self.restart()
-        self._log = {shift: math.log(TOLD) if shift else 0.0 for shift in PRIOR}
+        self._log = {shift: math.log(OTHER_ROW) if shift else 0.0 for shift in PRIOR}
 
     def doubt_by(self, left: float, right: float) -> None:
         """Take in that the pose may have found the row to the left or right of the true one.

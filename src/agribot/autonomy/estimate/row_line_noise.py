@@ -17,7 +17,7 @@ JUMP2_MEDIAN = 0.9099
 # Jumps that give the ratio to a fifth, and the ratio that is surely more than stated: with every
 # tenth line an outlier they show a third more than the noise.
 MOST_JUMPS, SURE_RATIO = 61, 1.75
-# Lines farther apart are no neighbours: the robot, and the row below it, have moved on.
+# Longest gap between neighbouring lines: after it the robot, and the row below it, have moved on.
 MAX_GAP_S = 0.5
 NAMED_RATIO, NAMED_M, NAMED_RAD = 2.0, 0.03, math.radians(2.0)
 

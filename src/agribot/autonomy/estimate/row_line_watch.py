@@ -37,7 +37,7 @@ LASTS_S = 0.5
 AGREE_RATIO = 0.5
 
 
-class LineTold(NamedTuple):
+class PosedLine(NamedTuple):
     """A row line at the pose of the filter when it came; vectors of the map are complex numbers.
 
     `off_m` is how far to the right of the pose, along the unit vector `right`, the line puts the
@@ -69,7 +69,7 @@ class _Point(NamedTuple):
     way makes of that: it stays the same while the line is right, whatever the course of the row.
     """
 
-    told: LineTold
+    line: PosedLine
     beside_m: float
     driven_m: complex
     odometry_rad: float
@@ -78,7 +78,7 @@ class _Point(NamedTuple):
 
 
 class Led(NamedTuple):
-    """How far a line has led away from wheels and gyro, to the right of the rows, and 1 sigma."""
+    """Shift of a line away from wheels and gyro, to the right of the rows, and 1 sigma."""
 
     off_m: float
     std_m: float
@@ -130,23 +130,23 @@ class RowLineWatch:
     def fault(self) -> RowLineMoved | None:
         return None if self.led is None else RowLineMoved(abs(self.led.off_m))
 
-    def add(self, told: LineTold) -> None:
+    def add(self, line: PosedLine) -> None:
         """Hold a line against those before it."""
-        if self._last and self._is_other_visit(self._last[-1], told):
+        if self._last and self._is_other_visit(self._last[-1], line):
             self.forget()
-        self._own_m += math.sin(told.heading_rad) * (self._signed_m - self._own_signed_m)
+        self._own_m += math.sin(line.heading_rad) * (self._signed_m - self._own_signed_m)
         self._own_signed_m = self._signed_m
         self._last.append(
-            _Point(told, told.left_m - self._own_m, self._driven_m, self._odometry_rad,
+            _Point(line, line.left_m - self._own_m, self._driven_m, self._odometry_rad,
                    self._way_m, self._turned_rad)
         )  # fmt: skip
         if len(self._last) == LINES:
             self._judge(_take_median(self._last))
 
-    def _is_other_visit(self, last: _Point, told: LineTold) -> bool:
+    def _is_other_visit(self, last: _Point, line: PosedLine) -> bool:
         turn_rad = math.remainder(self._odometry_rad - last.odometry_rad, math.tau)
         is_far = self._way_m - last.way_m > MAX_GAP_M or abs(turn_rad) > MAX_TURN_RAD
-        return is_far or told.row != last.told.row
+        return is_far or line.row != last.line.row
 
     def _judge(self, now: _Point) -> None:
         led = self._find_move(now)
@@ -156,8 +156,8 @@ class RowLineWatch:
             return
         if self._doubt is None or abs(led.off_m) > abs(self._doubt.off_m):
             self._doubt = led
-        self._since_s = now.told.t_s if self._since_s is None else self._since_s
-        if now.told.t_s - self._since_s >= LASTS_S:
+        self._since_s = now.line.t_s if self._since_s is None else self._since_s
+        if now.line.t_s - self._since_s >= LASTS_S:
             self.led = self._doubt
 
     def _keep(self, now: _Point) -> None:
@@ -191,7 +191,7 @@ class RowLineWatch:
 
     def _compare(self, then: _Point, now: _Point) -> Led:
         """Hold the line's move across the row against that of wheels and gyro."""
-        before, here = then.told, now.told
+        before, here = then.line, now.line
         align_rad = before.yaw_rad - then.odometry_rad
         way_m = now.way_m - then.way_m
         driven_m = (
@@ -214,11 +214,11 @@ class RowLineWatch:
 
 def _bears_out(then: _Point, now: _Point, part: float) -> bool:
     """Whether the line's own direction does not explain its move, as it does in a bent row."""
-    before, here = then.told, now.told
+    before, here = then.line, now.line
     off_m = abs(now.beside_m - then.beside_m)
     seen_m2 = sum(
-        told.std_m**2 + (told.ahead_m * told.heading_std_rad) ** 2 / LINES
-        for told in (before, here)
+        line.std_m**2 + (line.ahead_m * line.heading_std_rad) ** 2 / LINES
+        for line in (before, here)
     )
     course_m = OWN_COURSE_RAD * (now.way_m - then.way_m)
     return off_m > part * BORNE_OUT_SIGMA * math.sqrt(seen_m2 + course_m**2)
@@ -227,6 +227,6 @@ def _bears_out(then: _Point, now: _Point, part: float) -> bool:
 def _take_median(points: Sequence[_Point]) -> _Point:
     """Take the middle one of some points, with the medians of where their lines lie."""
     middle = points[len(points) // 2]
-    off_m = statistics.median(point.told.off_m for point in points)
+    off_m = statistics.median(point.line.off_m for point in points)
     beside_m = statistics.median(point.beside_m for point in points)
-    return middle._replace(told=middle.told._replace(off_m=off_m), beside_m=beside_m)
+    return middle._replace(line=middle.line._replace(off_m=off_m), beside_m=beside_m)

@@ -29,21 +29,23 @@ from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.row_line_watch import LineTold
+from agribot.autonomy.estimate.row_line_watch import PosedLine
 from agribot.core.arithmetic import clamp
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import RowLine
 
-# Of plants farther apart each is seen by itself, and bare ground after one is no row's end.
+# Largest spacing of plants of a line; beyond it each is seen by itself, and bare ground after one
+# is no row's end.
 MAX_SPACING_M = 0.5
-# What seems the end of a row nearer than this to it may correct a pose that is sure of another.
+# Largest distance between a seen and a known end of the row; a nearer one may correct a pose that
+# is sure of another.
 GAP_M = 0.6
 # The outermost plant of a row may be missing, which every look at that end repeats: 1 sigma in
 # plant spacings, and how many looks share it.
 END_STD_SPACINGS, LOOKS_AT_END = 0.35, 16
 # Time over which earlier rows show how far the next one stands off the map.
 ROW_MEMORY_S = 100.0
-USUAL_SPACING_M = 0.2  # of plants that make up a line, if the field states none
+USUAL_SPACING_M = 0.2  # spacing of plants that make up a line, if the field states none
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
@@ -74,8 +76,8 @@ class RowLines(Correction[RowLine]):
         aheads = (sample.start_ahead_m, sample.end_ahead_m, sample.at_ahead_m)
         values = (sample.offset_m, sample.heading_rad, *aheads)
         sigmas = (sample.offset_std_m, sample.heading_std_rad, sample.range_std_m)
-        told = (value for value in (*values, *sigmas) if value is not None)
-        return all(map(math.isfinite, told)) and min(sigmas) > 0.0
+        known = (value for value in (*values, *sigmas) if value is not None)
+        return all(map(math.isfinite, known)) and min(sigmas) > 0.0
 
     def measure(self, sample: RowLine, epoch: Epoch) -> Measurements:
         frame = self._frame(epoch)
@@ -192,7 +194,7 @@ class RowLines(Correction[RowLine]):
         return line.at_ahead_m * math.cos(yaw_rad), line.at_ahead_m * math.sin(yaw_rad)
 
     def _frame(self, epoch: Epoch, arm_m: tuple[float, float] = (0.0, 0.0)) -> RowFrame:
-        """Where the robot was among the rows, or a point `arm_m` from it."""
+        """Return the place among the rows of the robot, or of a point `arm_m` from it."""
         x, (then, now, _) = self.pose.ekf.x, epoch
         return self.pose.rows.at(
             x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
@@ -214,17 +216,17 @@ class RowLines(Correction[RowLine]):
     def _offset(
         self, line: RowLine, off_m: float, sign: float, epoch: Epoch, frame: RowFrame
     ) -> Measurement | None:
-        """How far off its row the robot is; None where the pose does not determine the row."""
+        """Measure the distance from its row; None where the pose does not determine the row."""
         ekf = self.pose.ekf
         arm_m = self._arm_m(line, epoch)
         seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
         row: Row = (*moved_row(frame.right, epoch, arm_m), *seen)
         across_m2 = ekf.project(row[:3])[1]
-        if not self._tells_row(off_m, math.sqrt(across_m2), frame.pitch_m):
+        if not self._determines_row(off_m, math.sqrt(across_m2), frame.pitch_m):
             self.pose.rejected["row line ambiguous"] += 1
             return None
         self.pose.agreement.add_look(line.t_s, off_m)
-        self.pose.lines.add(self._tell(line, off_m, frame))
+        self.pose.lines.add(self._pose_line(line, off_m, frame))
         if self.pose.lines.led is not None and not self.pose.agreement.bears_out(line.t_s, off_m):
             self.pose.rejected["row line moved aside"] += 1
             return None
@@ -243,11 +245,11 @@ class RowLines(Correction[RowLine]):
             return ((ROW_OFFSET, model.RECOVERY_OFFSET_M**2),)
         return (*_opens(frame.right, model.RECOVERY_OFFSET_M), (YAW, model.RECOVERY_YAW_RAD**2))
 
-    def _tell(self, line: RowLine, off_m: float, frame: RowFrame) -> LineTold:
+    def _pose_line(self, line: RowLine, off_m: float, frame: RowFrame) -> PosedLine:
         """Return the line at the pose that the filter has now."""
         ekf, offset_m, heading_rad = self.pose.ekf, line.offset_m or 0.0, line.heading_rad or 0.0
         x, cov = ekf.x, ekf.cov
-        return LineTold(
+        return PosedLine(
             t_s=line.t_s, row=frame.row, off_m=off_m,
             std_m=math.sqrt(model.offset_variance(line.offset_std_m)),
             left_m=offset_m - line.at_ahead_m * math.sin(heading_rad), heading_rad=heading_rad,
@@ -258,9 +260,9 @@ class RowLines(Correction[RowLine]):
             course_std_rad=math.sqrt(cov[YAW, YAW] + cov[SLIP, SLIP]),
         )  # fmt: skip
 
-    def _tells_row(self, off_m: float, std_m: float, pitch_m: float) -> bool:
+    def _determines_row(self, off_m: float, std_m: float, pitch_m: float) -> bool:
         """Whether the pose determines a line's row; a rest of doubt goes to its identity."""
-        if std_m <= model.TELLS_APART_RATIO * pitch_m:
+        if std_m <= model.DISTINCT_ROWS_RATIO * pitch_m:
             return True
         left, right = model.neighbour_shares(off_m, std_m, pitch_m)
         if left + right > 1.0 - model.SURE_RATIO:
@@ -285,7 +287,7 @@ class RowLines(Correction[RowLine]):
 
 
 def _ends(frame: RowFrame, sign: float) -> tuple[float, float]:
-    """Where the first and the last plant stand along the row, as the robot drives."""
+    """Distances of the first and the last plant along the row, as the robot drives."""
     return (0.0, frame.length_m) if sign > 0.0 else (frame.length_m, 0.0)
 
 

@@ -12,8 +12,8 @@ OFFSET_FLOOR_M = 0.006
 # Degrees of freedom of Student's t: what a gate lets in may still be an outlier.
 TAIL_DEGREES = 4.0
 # Largest 1 sigma of a pose that distinguishes rows, as a share of their distance.
-TELLS_APART_RATIO = 0.25
-# Beyond it a line is still of the nearest row where that has at least this probability.
+DISTINCT_ROWS_RATIO = 0.25
+# Probability from which a line is of the nearest row beyond that ratio.
 SURE_RATIO = 0.93
 # Lines that do not fit come in runs only when the pose is wrong.
 GATE_SIGMA, RECOVER_AFTER = 3.5, 6

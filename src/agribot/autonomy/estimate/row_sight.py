@@ -30,7 +30,7 @@ class RowSight:
         self._since_m += abs(distance_m)
 
     def is_seen(self, t_s: float) -> bool | None:
-        """None where no camera looks."""
+        """Whether the row is in view; None where no camera looks."""
         if t_s - self._looked_s > SILENT_S:
             return None
         return self._since_m <= self._memory_m

@@ -18,7 +18,7 @@ from agribot.core.messages import RowLine
 
 MIN_LINES, MIN_SEEN_RATIO = 40, 0.5
 MAX_POSE_STD_M = 0.03
-# A robot on the wrong side of a row's middle sees another row.
+# Largest offset from a row's middle; on the other side of it the robot sees another row.
 MAX_OFFSET_RATIO = 0.3
 # Neighbouring pictures that count as one, since they show the same leaves.
 PICTURES_ALIKE = 10
@@ -127,7 +127,7 @@ def _is_inside(glance: Glance, rows: FieldRows) -> bool:
 
 
 def _error(glance: Glance, rows: FieldRows) -> tuple[float, float] | None:
-    """Of offset and heading."""
+    """Errors of offset and heading."""
     line = glance.line
     if line is None or line.offset_m is None or line.heading_rad is None:
         return None

@@ -6,16 +6,17 @@ import math
 
 from agribot.core.messages import Vec3
 
-# The nose straight up has no heading; a rover never comes near it.
+# Least level share of the nose's direction. Straight up it has no heading; a rover never comes near
+# it.
 LEAST_LEVEL_RATIO = 0.1
-# Less tilt than this is as likely the bias of the IMU or the crumbs under a wheel.
+# Tilt that is as likely the bias of the IMU or the crumbs under a wheel.
 LEVEL_SINE = math.sin(math.radians(2.0))
 # Slide downhill per radian of turn and unit of slope: wheels that a turn drags sideways hold no
 # side force. Shift of the turning centre per unit of slope towards the axle that carries more and
 # holds better. Both in wheelbases and as measured in the simulator, at any speed and rate; the grip
 # of soils differs.
 SLIDE_WHEELBASES, CENTRE_WHEELBASES = 1.3, 1.3
-# 1 sigma of what is expected, for a radian.
+# Error of the expected slide, 1 sigma, for a radian.
 SLIDE_STD_RATIO = 0.5
 
 

@@ -71,7 +71,7 @@ def doubts(
     driven_mps, rate_radps = driven
     slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps)
     speed_mps = max(0.05, math.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2))
-    # Of wheels that are known to spin next to nothing is expected, and that has no direction.
+    # A spinning wheel is expected to make next to no way, and that has no direction.
     course_mps = max(abs(driven_mps), speed_mps)
     wrong_m = math.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
     places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)

@@ -5,7 +5,7 @@ from __future__ import annotations
 # Judged over windows of this length; a stop ramp or a creep shows within one.
 WINDOW_S = 0.5
 MAX_TRAVEL_M = 0.002
-# Above any turn-on bias of a gyro, far below any turn that a wheel could miss.
+# Rate above any turn-on bias of a gyro, far below any turn that a wheel could miss.
 MAX_RATE_RADPS = 0.05
 # Bias wander inside a window and gyro quantisation keep the mean from being exact.
 FLOOR_STD_RADPS = 2e-4

@@ -13,8 +13,8 @@ from agribot.core.facts import StartAside, StartTurned
 # Largest distance to the mark, in joint sigmas; without fixed ambiguities at least in metres, too.
 MISPLACED_SIGMA = 4.0
 MISPLACED_M = 1.0
-# Where rows stand closer than twice that, half their distance: a robot astride the next one does.
-# Nearer than this to its mark a robot without fixed ambiguities always begins.
+# Lower limit of that distance, m. Above it, and up to the limit, half the row distance counts: a
+# robot astride the next row is misplaced.
 LEAST_MISPLACED_M = 0.3
 DIRECTIONS = (
     "east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east",
@@ -38,7 +38,7 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
             yaw_map_rad=None if yaw_deg is None else math.radians(yaw_deg),
             std_m=field.start_std_m,
             yaw_std_rad=math.radians(field.start_yaw_std_deg),
-            misplaced_m=_tell_rows_apart_m(field),
+            misplaced_m=_find_misplaced_m(field),
         )
 
     def position_fault(
@@ -70,6 +70,6 @@ def _name_direction(off_m: complex) -> str:
     return DIRECTIONS[round(cmath.phase(off_m) / (math.pi / 4.0)) % 8]
 
 
-def _tell_rows_apart_m(field: FieldConfig) -> float:
+def _find_misplaced_m(field: FieldConfig) -> float:
     half_pitch_m = field.row_pitch_m / 2.0 if field.row_count > 1 else MISPLACED_M
     return min(max(half_pitch_m, LEAST_MISPLACED_M), MISPLACED_M)

@@ -12,7 +12,7 @@ REACH_M = 0.15
 # Squares of the raster that says which plant is nearest, and of the one that counts plants.
 NEAREST_CELL_M, COUNT_CELL_M = 0.05, 0.1
 MARGIN_M = 1.0
-NOBODY = -1
+NO_PLANT = -1
 
 IndexArray = npt.NDArray[np.int32]
 
@@ -29,8 +29,8 @@ class StemMap:
         self._counts = self._count()
 
     def find_nearest(self, x_m: FloatArray, y_m: FloatArray) -> IndexArray:
-        """Give the plant nearest to places (...); NOBODY where none is near."""
-        return _look_up(self._nearest, self._low_m, NEAREST_CELL_M, x_m, y_m, NOBODY)
+        """Give the plant nearest to places (...); NO_PLANT where none is near."""
+        return _look_up(self._nearest, self._low_m, NEAREST_CELL_M, x_m, y_m, NO_PLANT)
 
     def count_in_cells(self, x_m: FloatArray, y_m: FloatArray) -> IndexArray:
         """Count the plants in the squares of COUNT_CELL_M in which places (...) lie."""
@@ -55,7 +55,7 @@ class StemMap:
         order = np.argsort(-apart_m, axis=None)
         stem = np.repeat(np.arange(len(cells), dtype=np.int32), len(around))[order]
         flat = patch.reshape(-1, 2)[order]
-        raster = np.full(shape, NOBODY, dtype=np.int32)
+        raster = np.full(shape, NO_PLANT, dtype=np.int32)
         raster[flat[:, 0], flat[:, 1]] = stem
         return raster
 

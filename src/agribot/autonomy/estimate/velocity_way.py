@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 MAX_GAP_S = 1.5
-# What a Doppler velocity is off for long; five times as much is the slowest creep it can show.
+# Lasting error of a Doppler velocity; five times as much is the slowest creep it can show.
 VELOCITY_BIAS_MPS = 0.005
 
 
@@ -20,7 +20,7 @@ def summed_variance_m2(noise_mps: float, gaps2_s2: float, lasted_s: float) -> fl
 
 
 class VelocityMark(NamedTuple):
-    """At a fix: where the filter has the antenna less where the velocities have led until then.
+    """Mark at a fix: the filter's antenna less the place by the velocities until then.
 
     Vectors of the map are complex, East + i North. Marks of another `part` cannot be compared: the
     receiver was silent in between. `gaps2_s2` sums the squares of the gaps between fixes.
@@ -59,7 +59,7 @@ class VelocityWay:
     def compare(
         self, then: VelocityMark | None, here: VelocityMark | None
     ) -> tuple[complex, float] | None:
-        """How far filter and velocities have parted between two marks, and 1 sigma of these."""
+        """Measure the distance of filter and velocities between two marks, and 1 sigma of these."""
         if then is None or here is None or then.part != here.part:
             return None
         gaps2_s2, lasted_s = here.gaps2_s2 - then.gaps2_s2, here.t_s - then.t_s

@@ -10,7 +10,7 @@ from agribot.core.facts import Fact
 from agribot.core.messages import ALL_FINE, FINE, SensorState, SensorVerdict, SensorVerdicts
 
 SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
-SILENT_S = 3.0  # after which GNSS and compass count as silent
+SILENT_S = 3.0  # silence after which GNSS and compass count as silent
 
 
 class Finding(NamedTuple):

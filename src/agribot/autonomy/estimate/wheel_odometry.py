@@ -17,7 +17,7 @@ from agribot.core.robot import DriveSpec
 SLIP_STD_RATIO = 0.1
 # 1 sigma of the turn lost: 6 to 9 % in "field", about 30 % in "hard".
 TURN_STD_RATIO = 0.2
-# 1 sigma of the way lost in turns besides, m/rad: a turning robot digs in.
+# Way lost in turns besides, 1 sigma, m/rad: a turning robot digs in.
 TURN_LOSS_STD_M_PER_RAD = 0.1
 # 1 sigma of what a turn moves the centre of the robot, m per square root of radian.
 TURN_SLIDE_M_PER_SQRT_RAD = 0.05

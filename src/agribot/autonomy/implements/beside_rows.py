@@ -15,14 +15,14 @@ from agribot.core.pose import Pose2
 # Crops of the map this far ahead of the tool and behind it show where their row runs, m.
 REACH_M = 1.0
 LEAST_CROPS = 3
-# Hearts stand so near to the line of their row: what the drill and the map are off by.
+# Largest offset of a plant's heart from the line of its row: errors of the drill and the map.
 HALF_ROW_M = 0.08
 # Half width of a row where enough of its crops are mapped to measure it, m; their number.
-TOLD_HALF_ROW_M, LEAST_TOLD = 0.04, 6
-ROW_WIDTH_M = 0.12  # crops so near to one line are of one row
-# How far a row may deviate from the tool's way, per metre along it, and how well enough pairs of
-# crops this far apart in a row show it.
-TURN_RATIO, TOLD_RATIO = 0.06, 0.02
+FITTED_HALF_ROW_M, LEAST_FITTED = 0.04, 6
+ROW_WIDTH_M = 0.12  # width of a line of crops of one row
+# Largest deviation of a row from the tool's way, per metre along it, and the accuracy with which
+# enough pairs of crops this far apart in a row show it.
+TURN_RATIO, FITTED_TURN_RATIO = 0.06, 0.02
 PAIR_M, LEAST_PAIRS = 0.4, 6
 
 
@@ -40,11 +40,12 @@ class RowsAround:
     def __init__(self, crops: Sequence[RowCrop], beside_m: float) -> None:
         """`beside_m` is the distance beside a row within which no unmapped row can stand."""
         near = [crop for crop in crops if abs(crop.x_m) <= REACH_M]
-        told = _find_turn(near)
-        turn, self._unsure = (0.0, TURN_RATIO) if told is None else (told, TOLD_RATIO)
+        fitted = _find_turn(near)
+        turn, self._unsure = (0.0, TURN_RATIO) if fitted is None else (fitted, FITTED_TURN_RATIO)
         self._half_ratio = abs(turn) + self._unsure
         self._beside_m = beside_m
-        # Of each crop: where the line of its row passes the tool, to the left of the tool point.
+        # Offset at which the line of each crop's row passes the tool, to the left of the tool
+        # point.
         lines_m = [crop.y_m - turn * crop.x_m for crop in near]
         known_m = [m for crop, m in zip(near, lines_m, strict=True) if crop.is_confirmed]
         self._lines = [
@@ -63,7 +64,7 @@ class RowsAround:
         row_crops = 0
         for crop, line_m, in_line in self._lines:
             across_m = abs(line_m - left_m)
-            half_row_m = TOLD_HALF_ROW_M if in_line >= LEAST_TOLD else HALF_ROW_M
+            half_row_m = FITTED_HALF_ROW_M if in_line >= LEAST_FITTED else HALF_ROW_M
             free_m = half_row_m + self._unsure * abs(crop.x_m) + self._half_ratio * half_x_m
             if across_m - half_y_m < free_m:
                 return False
@@ -103,4 +104,4 @@ def _find_turn(crops: Sequence[RowCrop]) -> float | None:
     return median(ratios)
 
 
-NO_ROWS = RowsAround((), 0.0)  # nothing lies beside one
+NO_ROWS = RowsAround((), 0.0)  # empty surroundings of the tool

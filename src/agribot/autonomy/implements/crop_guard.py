@@ -11,7 +11,7 @@ from agribot.core.implement.plants import KnownPlant
 from agribot.core.messages import Estimate
 
 CROP_STEM_M = 0.02  # radius of a young stem
-LEAST_POSE_M = 0.01  # by which the place of leaves is always uncertain
+LEAST_POSE_M = 0.01  # least uncertainty of the place of leaves
 SURE_SIGMA = 2.0
 
 
@@ -32,5 +32,5 @@ def find_most_keep_off_m(config: TreatmentConfig) -> float:
 
 
 def find_pose_margin_m(estimate: Estimate, config: TreatmentConfig) -> float:
-    """How far leaves may lie beside where they were seen, for what the pose is off."""
+    """Return the offset of leaves from where they were seen, by the error of the pose."""
     return clamp(find_spread_m(0.0, estimate)[1], LEAST_POSE_M, config.margin_m)

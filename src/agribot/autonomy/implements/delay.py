@@ -8,7 +8,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.messages import Estimate
 
 SAME_TIME_S = 1e-9
-MAX_STEP_S = 0.1  # a longer silence between ticks is not credited as work
+MAX_STEP_S = 0.1  # longest tick that is credited as work
 
 
 class SectionHistory:
@@ -16,18 +16,18 @@ class SectionHistory:
 
     def __init__(self, count: int) -> None:
         self._off = (False,) * count
-        self._told: deque[tuple[float, tuple[bool, ...]]] = deque()
+        self._commands: deque[tuple[float, tuple[bool, ...]]] = deque()
 
     def add(self, t_s: float, sections_on: tuple[bool, ...]) -> None:
-        self._told.append((t_s, sections_on))
+        self._commands.append((t_s, sections_on))
 
     def at(self, t_s: float) -> tuple[bool, ...]:
         """Return the command in force at `t_s` and drop older ones."""
-        told = self._told
-        while len(told) > 1 and told[1][0] <= t_s + SAME_TIME_S:
-            told.popleft()
-        if told and told[0][0] <= t_s + SAME_TIME_S:
-            return told[0][1]
+        commands = self._commands
+        while len(commands) > 1 and commands[1][0] <= t_s + SAME_TIME_S:
+            commands.popleft()
+        if commands and commands[0][0] <= t_s + SAME_TIME_S:
+            return commands[0][1]
         return self._off
 
 

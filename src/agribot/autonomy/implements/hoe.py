@@ -32,7 +32,7 @@ BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
 # A large plant has a thick stem: an assumption of how thick, by the radius of its leaves, at most.
 STEM_RATIO, MOST_STEM_M = 0.3, 0.06
-CLEAR_M = 0.02  # a blade counts as in the soil up to this height above level ground
+CLEAR_M = 0.02  # height above level ground up to which a blade counts as in the soil
 
 
 class Hoe:
@@ -91,7 +91,7 @@ class Hoe:
         """Note the weeds that blades pass over: treated by those at depth, left by the others."""
         spec = self._spec
         since_s = estimate.t_s - spec.latency_s - spec.stroke_s
-        is_deep = [told_s <= since_s for told_s in self._down_since_s]
+        is_deep = [down_s <= since_s for down_s in self._down_since_s]
         half_m = spec.section_width_m / 2.0
         self._hoed_m2 += step_m * spec.section_width_m * sum(is_deep)
         tool = predict_tool(estimate, spec.x_body_m, 0.0)
@@ -143,7 +143,7 @@ class Hoe:
         )  # fmt: skip
 
     def _find_keep_off_m(self, crop: KnownPlant, estimate: Estimate) -> float:
-        """How far from a crop's place a blade stays: as a nozzle, and by its thicker stem."""
+        """Return a blade's distance from a crop's place: as a nozzle's, and by the thicker stem."""
         stem_m = min(STEM_RATIO * math.sqrt(crop.area_m2 / math.pi), MOST_STEM_M)
         return find_keep_off_m(crop, estimate, self._config) + max(stem_m - CROP_STEM_M, 0.0)
 
@@ -169,7 +169,7 @@ class Hoe:
         return spare_leaves(is_on, self._y_body_m, middle, *box_m, plants, rule, rows)
 
     def _find_rise_s(self) -> float:
-        """How long a blade takes from its depth out of the soil."""
+        """Return the time of a blade from its depth out of the soil."""
         spec = self._spec
         way_m = self._depth_m + min(CLEAR_M, spec.lift_m)
         return spec.stroke_s * way_m / (spec.lift_m + spec.depth_m)

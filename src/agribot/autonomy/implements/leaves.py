@@ -80,5 +80,5 @@ def _is_alone(crop: Disc, around: Sequence[KnownPlant]) -> bool:
 
 
 def _leaf_reach_m(plant: KnownPlant) -> float:
-    """How far the leaves of a crop in the map reach from its stem."""
+    """Return the reach of a mapped crop's leaves from its stem."""
     return min(LEAVES_RATIO * math.sqrt(plant.area_m2 / math.pi), MAX_LEAVES_M)

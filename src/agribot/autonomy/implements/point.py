@@ -29,12 +29,12 @@ from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.point import Aim, PointSpec, name_aim
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
-LONGEST_TICK_S = 0.1  # a longer silence between ticks is not credited as time on a weed
+LONGEST_TICK_S = 0.1  # longest tick that is credited as time on a weed
 
 
 @dataclass(slots=True)
 class _Head:
-    """What a head does: its weed, how long it shot at that, where it aims, when it can shoot."""
+    """State of a head: its weed, the time on it, its aim, and the time when it can shoot."""
 
     aim: Aim
     weed: int | None = None

@@ -40,12 +40,12 @@ from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
 FAN_M = 0.04  # length of the spray on the ground along the way
-# Off leaves it is half that length and a cell of the ground under crop.
+# Margin around leaves. Off leaves it is half that length and a cell of the ground under crop.
 LEAF_MARGIN_M = 0.03
-# By how much the boom misses the mapped place of a weed, 1 sigma per axis, beyond what differs from
-# look to look: wheels and gyro on the way there 15 mm, what all looks at its stem share 20 mm.
+# Error of the boom at the mapped place of a weed, 1 sigma per axis, beyond what differs from look
+# to look: wheels and gyro on the way there 15 mm, the error that all looks at its stem share 20 mm.
 MET_STD_M = 0.025
-SUSPECT_M = 0.01  # a suspect weed may stand this far beside what a nozzle wets
+SUSPECT_M = 0.01  # largest distance of a suspect weed beside the wetted area
 SUSPECT_WIDE_M = 0.09  # scores fall off over this distance around a stem
 HIT_M = 0.015  # a flat fan wets a line a few centimetres long: so near to its middle is a hit
 
@@ -62,7 +62,7 @@ class SpotSprayer:
         self._finishing: set[int] = set()
         self.weeds_treated = 0
         self.sprayed_m2 = 0.0
-        self.passed_m2 = 0.0  # what a boom that is always open would have sprayed
+        self.passed_m2 = 0.0  # area that a boom without switching would have sprayed
 
     def step(self, estimate: Estimate, plants: PlantMap, *, may_work: bool) -> ImplementCommand:
         spec = self._spec
@@ -262,7 +262,7 @@ class SpotSprayer:
         )
 
     def _find_leaf_box_m(self, estimate: Estimate, step_m: float) -> tuple[float, float]:
-        """How far a nozzle's box of leaves reaches along and across, with what the pose is off."""
+        """Return a nozzle's reach for leaves along and across, with the error of the pose."""
         pose_m = find_pose_margin_m(estimate, self._config)
         return LEAF_MARGIN_M + step_m + pose_m, self._spec.section_width_m / 2.0 + pose_m
 
@@ -270,7 +270,7 @@ class SpotSprayer:
         return plant.is_confirmed and (plant.treated_s is None or plant.id in self._finishing)
 
     def _find_aim_m(self, weed: KnownPlant, estimate: Estimate) -> tuple[float, float]:
-        """How far before and beside a weed's place the spray has to reach to meet it for sure."""
+        """Return the reach of spray before and beside a weed's place that meets it for sure."""
         along_m, across_m = find_spread_m(weed.seen_std_m, estimate)
         most_m = self._config.margin_m
         along_m, across_m = math.hypot(along_m, MET_STD_M), math.hypot(across_m, MET_STD_M)

@@ -10,7 +10,7 @@ from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
-SEEN_AHEAD_M = 1.0  # from where a plant is seen last to the tool
+SEEN_AHEAD_M = 1.0  # distance of the last sight of a plant from the tool
 
 
 class Placed(NamedTuple):
@@ -75,7 +75,7 @@ def find_spread_m(seen_std_m: float, estimate: Estimate) -> tuple[float, float]:
 
 
 def predict_tool(estimate: Estimate, tool_x_m: float, delay_s: float) -> ToolPose:
-    """Where the tool point will be `delay_s` later."""
+    """Predict the tool point `delay_s` later."""
     way_m, turn_rad, course_rad = _predict_way(estimate, delay_s)
     yaw_rad = estimate.yaw_map_rad + turn_rad
     course_map_rad = estimate.yaw_map_rad + course_rad

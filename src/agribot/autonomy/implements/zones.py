@@ -45,7 +45,7 @@ class ZoneMap(NamedTuple):
         return not bool((rates > 0.0).all())
 
     def _steps(self, half_m: float) -> FloatArray:
-        """From a border to the other, wider by half a cell, no two farther apart than that."""
+        """List places across the zones, half a cell beyond both borders and at most that apart."""
         reach_m = half_m + self.cell_m / 2.0
         return np.linspace(-reach_m, reach_m, math.ceil(4.0 * reach_m / self.cell_m) + 1)
 

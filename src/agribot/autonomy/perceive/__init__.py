@@ -1,1 +1,1 @@
-"""From a camera image to plants on the ground: network, geometry, plants."""
+"""Steps from a camera image to plants on the ground: network, geometry, plants."""

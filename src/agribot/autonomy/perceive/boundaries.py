@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from agribot.core.messages import ByteArray, PlantClass
 
-# Of the picture's diagonal: so near an outline counts as met. Source: Csurka et al. 2013.
+# Tolerance of an outline, as a share of the picture's diagonal. Source: Csurka et al. 2013.
 TOLERANCE_RATIO = 0.0075
 
 Mask = npt.NDArray[np.bool_]
@@ -37,7 +37,7 @@ def boundary_counts(truth: ByteArray, guess: ByteArray) -> Counts:
 
 
 def boundary_f1(counts: Counts) -> list[float | None]:
-    """For each class of summed `boundary_counts`; None where it has no outline at all."""
+    """Score of each class of summed `boundary_counts`; None where it has no outline at all."""
     scores: list[float | None] = []
     for said, said_right, true, true_met in counts.tolist():
         precision, recall = said_right / max(1, said), true_met / max(1, true)

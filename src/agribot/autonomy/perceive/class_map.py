@@ -11,7 +11,7 @@ from agribot.core.messages import ByteArray
 
 
 class ClassMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """What the network says about an image, at the network's own resolution.
+    """The network's answer on an image, at the network's own resolution.
 
     `class_id` (h, w) holds `PlantClass` values and `confidence` (h, w) the probability of that
     class, 255 = certain. `scale_px` is (height, width) of the image over that of the map.

@@ -11,11 +11,12 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import CropCover, FloatArray
 
 CELL_M = 0.025
-# Foliage is seen from above: what stands h high seems to lie h / H of its way farther off. Leaves
-# of young crop are 2 to 16 cm high; where they pass out of view, that is 4 cm either way.
+# Height of foliage, which is seen from above: a leaf at height h seems to lie h / H of its way
+# farther off. Leaves of young crop are 2 to 16 cm high; at the near edge of the view, that is 4 cm
+# either way.
 FOLIAGE_M = 0.08
 
-# Of a pixel without a stem of crop: no leaf of crop, a leaf that no stem explains, and one whose
+# Marks of a pixel without a stem of crop: no leaf of crop, a leaf without a stem, and one whose
 # stem is outside the picture.
 NO_LEAF, NO_STEM, OUTSIDE = -1, -2, -3
 MOST_STEMS = 255
@@ -25,7 +26,7 @@ Owners = npt.NDArray[np.int32]
 
 
 class StemLeaves(NamedTuple):
-    """What a plant network says about the leaves of one picture.
+    """A plant network's answer on the leaves of one picture.
 
     `owner` (h, w) is the index of the stem of crop that a pixel points to, or one of the three
     words above; `places_m` (N, 2) is where the stems stand in the body frame, NaN where unknown.
@@ -44,7 +45,7 @@ class StemLeaves(NamedTuple):
 
 
 class CoverGrid:
-    """Which cell each pixel of the class maps of one camera falls into; built once."""
+    """Cell of each pixel of one camera's class maps; built once."""
 
     def __init__(
         self,
@@ -106,11 +107,11 @@ class CoverGrid:
         stems = np.flatnonzero(is_owner)[:MOST_STEMS]
         number = np.zeros(len(places_m) + 1, dtype=np.uint8)
         number[stems] = np.arange(1, len(stems) + 1)
-        told = number[np.where(owner >= 0, owner, len(places_m))]
+        numbers = number[np.where(owner >= 0, owner, len(places_m))]
         first = np.full(self._rows * self._columns, 255, dtype=np.uint8)
         last = np.zeros_like(first)
-        np.minimum.at(first, cell, told)
-        np.maximum.at(last, cell, told)
+        np.minimum.at(first, cell, numbers)
+        np.maximum.at(last, cell, numbers)
         holds = np.unique(cell)
         pairs = np.column_stack([first[holds], last[holds]])
         pairs[pairs[:, 0] == 0] = 0

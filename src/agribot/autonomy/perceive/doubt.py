@@ -8,7 +8,7 @@ import numpy.typing as npt
 from agribot.autonomy.perceive.leaf_owners import OwnedLeaves
 from agribot.autonomy.perceive.stems import PlantMaps, find_centres, share_kinds, sum_cells
 
-LEAST_FOLIAGE_RATIO = 0.005  # of a picture, below which it says too little
+LEAST_FOLIAGE_RATIO = 0.005  # least share of foliage in a picture that says enough
 
 
 def find_doubt(

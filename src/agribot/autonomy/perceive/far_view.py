@@ -18,15 +18,17 @@ from agribot.core.messages import FloatArray
 Comparison = npt.NDArray[np.float32]
 Index = npt.NDArray[np.intp]
 
-# Foliage is seen from above: what stands h high seems to lie h / H of its way farther off.
+# Height of foliage, which is seen from above: a leaf at height h seems to lie h / H of its way
+# farther off.
 FOLIAGE_M = 0.08
 CELLS = 64  # rows and columns in which a picture is looked at
 # A camera that sees level ground farther than this at its upper edge sees rows run away from it.
 LEAST_FAR_M = 3.0
-LEAST_SINK_RATIO = 0.14  # of a ray per metre ahead; farther off rows are too fine
+LEAST_SINK_RATIO = 0.14  # least sink of a ray per metre ahead; farther off rows are too fine
 SIDE_M, BINS = 4.0, 320  # reach to both sides, and places across the rows in which cover is counted
-HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])  # of the teeth of a comb
-PHASES = np.linspace(0.0, 1.0, 32, endpoint=False)  # of a comb, in spacings
+# Harmonics of a comb, and the heights of its teeth.
+HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])
+PHASES = np.linspace(0.0, 1.0, 32, endpoint=False)  # phases of a comb, in spacings
 TURNS = 2.0 * np.pi * HARMONICS[:, None] * PHASES
 TEETH = np.concatenate([np.cos(TURNS), np.sin(TURNS)]) * np.tile(HEIGHTS, 2)[:, None]
 
@@ -42,7 +44,7 @@ class RowGrid(NamedTuple):
 COARSE_TILTS_RAD = np.radians(np.linspace(-6.0, 6.0, 7))
 COARSE_YAWS_RAD = np.radians(np.linspace(-30.0, 30.0, 31))
 ANY_SPACING_M = np.geomspace(0.25, 1.0, 26)
-KNOWN_SPACING_RATIO = np.geomspace(0.78, 1.28, 9)  # over the spacing of the field's rows
+KNOWN_SPACING_RATIO = np.geomspace(0.78, 1.28, 9)  # ratios to the spacing of the field's rows
 
 
 class Compared(NamedTuple):
@@ -65,7 +67,7 @@ class FarGround(NamedTuple):
 
 
 class FarView:
-    """What one camera sees, made once: the ground of its cells at each tilt."""
+    """The view of one camera, made once: the ground of its cells at each tilt."""
 
     def __init__(
         self,
@@ -154,7 +156,7 @@ def _sum_across(contrast: FloatArray, ground: FarGround, bins: Index) -> FloatAr
     shares: FloatArray = np.broadcast_to(share, bins.shape).ravel()
     table: FloatArray = np.zeros((len(bins), BINS))
     table += np.bincount(bins.ravel(), shares, table.size).reshape(table.shape)
-    table[:, [0, -1]] = 0.0  # and all that is farther aside
+    table[:, [0, -1]] = 0.0  # the same in all columns farther aside
     return table
 
 

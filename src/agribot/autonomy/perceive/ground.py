@@ -76,7 +76,7 @@ def _intersect(pixels_px: FloatArray, k_px: FloatArray, body_from_camera: FloatA
 
 
 def _straighten(pixels_px: FloatArray, camera: CameraSpec) -> FloatArray:
-    """Where a pinhole would show what the lens puts at pixels (N, 2).
+    """Find the pinhole's pixels of the lens's pixels (N, 2).
 
     Raises: PerceptionError: the distortion has no inverse over the whole picture.
     """

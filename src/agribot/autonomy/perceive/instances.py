@@ -8,7 +8,7 @@ import numpy as np
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.core.messages import ByteArray, PlantClass
 
-# A plant of the truth counts as found where this share of it is vegetation of its class.
+# Least share of a true plant that is vegetation of its class in the picture.
 MISSED_RATIO = 0.25
 
 
@@ -57,7 +57,7 @@ def plants_in(class_id: ByteArray, confidence: ByteArray, least_px: int) -> list
 
 
 class PlantRecall(msgspec.Struct, frozen=True, kw_only=True):
-    """Of the true plants of one class: called right, called the other class, not seen."""
+    """Shares of the true plants of one class: called right, called the other class, not seen."""
 
     right: int
     confused: int

@@ -23,10 +23,10 @@ from agribot.core.pose import Pose2
 # A plant is found again in the next picture by the robot's motion, within this error.
 NEXT_M, NEXT_S = 0.06, 0.35
 MIN_LOOKS, MIN_WAY_M = 6, 0.4
-# Of the mount against its description, before anything is seen; keeps back what does not show.
+# Spread of the mount against its description, before anything is seen; it keeps unseen values back.
 PRIOR_RAD, PRIOR_M = math.radians(10.0), 0.15
 LEAST_STD_M, HUBER_SIGMA = 0.01, 1.5
-# What the supposed height of the leaves and the light on them leave open, in the simulator.
+# Errors from the supposed height of the leaves and the light on them, in the simulator.
 MODEL_STD = (math.radians(0.3), math.radians(0.3), math.radians(0.1), 0.006)
 PASSES, STEP = 12, 1e-5
 MIN_TRACKS = 20
@@ -47,7 +47,7 @@ class _Sight(NamedTuple):
 
 
 class MountFit(msgspec.Struct, frozen=True, kw_only=True):
-    """By how much the real mount is turned about the body's axes and raised; 1 sigma of each.
+    """Rotation of the real mount about the body's axes and its rise; 1 sigma of each.
 
     Positive pitch looks further down, positive yaw further left. `scatter` is how far plants seem
     to move, RMS, with the described mount and with the one found.
@@ -99,7 +99,7 @@ class _Tracks:
         )  # fmt: skip
         poses = np.array([sight.look.pose_map for sight in sights]).reshape(-1, 3)
         self._xy_m, self._cos, self._sin = poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        places = [(s.plant.x_body_m, s.plant.y_body_m, _tell_height_m(s.plant)) for s in sights]
+        places = [(s.plant.x_body_m, s.plant.y_body_m, _estimate_height_m(s.plant)) for s in sights]
         self._heights_m = np.array([place[2] for place in places])
         self._centre_m = body_from_camera[:3, 3]
         self._rays_body = np.array(places).reshape(-1, 3) - self._centre_m
@@ -107,7 +107,7 @@ class _Tracks:
         self.std_m: FloatArray = std_m
 
     def places_m(self, mount: FloatArray) -> FloatArray:
-        """Where the plants stand in the map with a mount (roll, pitch, yaw, height), (N, 2)."""
+        """Places of the plants in the map with a mount (roll, pitch, yaw, height), (N, 2)."""
         rays = self._rays_body @ rotation_from_rpy(*mount[:3].tolist()).T
         height_m = self._centre_m[2] + mount[3]
         reach = (self._heights_m - height_m) / np.minimum(rays[:, 2], -1e-3)
@@ -117,7 +117,7 @@ class _Tracks:
         return places_m
 
     def off_m(self, mount: FloatArray, weights: FloatArray) -> FloatArray:
-        """Of every sight from the mean place of its plant, (N, 2)."""
+        """Distance of every sight from the mean place of its plant, (N, 2)."""
         places_m = self.places_m(mount)
         total = np.bincount(self.plant, weights)
         means = np.column_stack(
@@ -143,7 +143,7 @@ def fit_mount(looks: Sequence[Look], body_from_camera: FloatArray) -> MountFit |
     for _ in range(PASSES):
         off_m = tracks.off_m(mount, weights)
         sigmas = np.hypot(off_m[:, 0], off_m[:, 1]) / tracks.std_m
-        # What the stated sigmas leave out, looks at one plant share; their mean size is measured.
+        # The stated sigmas lack the error that looks at one plant share; its mean size is measured.
         scale = max(float(np.median(sigmas)), 1e-3)
         weights = even * np.minimum(1.0, HUBER_SIGMA * scale / np.maximum(sigmas, 1e-9)) / scale**2
         slopes = _slopes(tracks, mount, weights)
@@ -192,7 +192,7 @@ def _nearest(
 
 
 def _predict_place(sight: _Sight, look: Look) -> tuple[float, float]:
-    """Where a plant that was seen before is to be seen now, body frame."""
+    """Predict where a plant that was seen before is to be seen now, body frame."""
     plant = sight.plant
     place_map_m = Pose2(*sight.look.pose_map).transform(plant.x_body_m, plant.y_body_m)
     return Pose2(*look.pose_map).locate(*place_map_m)
@@ -203,8 +203,8 @@ def _is_long(track: Sequence[_Sight]) -> bool:
     return len(track) >= MIN_LOOKS and math.dist(first[:2], last[:2]) >= MIN_WAY_M
 
 
-def _tell_height_m(plant: GroundPlant) -> float:
-    """How high over the ground stands what was seen: of leaves, as `foliage` supposes."""
+def _estimate_height_m(plant: GroundPlant) -> float:
+    """Estimate the height over the ground of a seen plant: of leaves, as `foliage` supposes."""
     if plant.seen_height_m is not None:
         return plant.seen_height_m
     if plant.plant is PlantClass.SOIL:

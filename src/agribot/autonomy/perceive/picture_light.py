@@ -14,8 +14,8 @@ from agribot.core.messages import ByteArray
 Floats = npt.NDArray[np.float32]
 
 WIDTH_PX = 320  # across the averaged picture
-COARSE_PX = 4  # of it for each pixel of the coarse one
-DARK = 40.0  # of 255: so bright are 5 % of a picture at least; fields 98 to 254, nights 7 to 9
+COARSE_PX = 4  # pixels of it for each pixel of the coarse one
+DARK = 40.0  # least level of 255 of the brightest 5 %; fields 98 to 254, nights 7 to 9
 WHITE, MOST_WHITE_RATIO = 250.0, 0.5  # fields up to 0.14
 LEAST_CONTRAST = 5.0  # standard deviation, of 255; fields from 17
 # Correlation of neighbouring pixels: fields from 0.61, noise 0.

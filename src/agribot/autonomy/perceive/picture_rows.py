@@ -26,12 +26,13 @@ CELLS = 96  # rows and columns in which a picture is looked at
 DEPTH_RATIOS = np.geomspace(0.8, 1.9, 26)
 ACROSS_RATIOS = np.linspace(-0.2, 1.2, 36)
 SPACING_RATIOS = np.geomspace(0.2, 1.2, 36)
-HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])  # of the teeth of a comb
-PHASES = np.linspace(0.0, 1.0, 48, endpoint=False)  # of a comb, in spacings
-FAR_RATIO = 0.12  # nearer to the horizon rows are too fine
+# Harmonics of a comb, and the heights of its teeth.
+HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])
+PHASES = np.linspace(0.0, 1.0, 48, endpoint=False)  # phases of a comb, in spacings
+FAR_RATIO = 0.12  # distance from the horizon below which rows are too fine
 WINDOW_RATIO = 0.5  # width over which cover is compared with its surroundings
-FLAT_CONTRAST = 0.1  # of cover: less is no contrast
-BANDS = 3  # of a picture that are shifted aside; a plant from close above lies in one of them
+FLAT_CONTRAST = 0.1  # least contrast of cover
+BANDS = 3  # bands of a picture that are shifted aside; a plant from close above lies in one of them
 FOOT_RATIO, FOOT_BINS = 4.0, 512  # reach of feet of pixels beside the vanishing point
 # Independent plants as which a picture counts; rounds of learning what pictures share; its width in
 # steps of the grids across and of spacings; the share of pictures that may be unlike the others.

@@ -39,7 +39,7 @@ class PictureStem(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OwnedPixels(NamedTuple):
-    """Which plant the pixels of a picture are of.
+    """Plant of each pixel of the picture.
 
     `number` (H, W) is the plant of each pixel, counted from 1, or 0. Of plant k, `stem_px[k - 1]`
     is the place of its stem and `shares[k - 1]` how likely it is a weed and a crop.

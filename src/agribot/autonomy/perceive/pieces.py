@@ -21,7 +21,7 @@ def label_pieces(mask: Mask) -> tuple[Labels, int]:
     Source: He, Chao and Suzuki 2008, A run-based two-scan labeling algorithm.
     """
     labels = np.zeros(mask.shape, dtype=np.int32)
-    stride = mask.shape[1] + 2  # so that a run at one edge does not touch the next row's other one
+    stride = mask.shape[1] + 2  # a run at one edge must not touch the next row's other one
     padded = np.zeros((mask.shape[0], stride), dtype=bool)
     padded[:, 1:-1] = mask
     steps = np.flatnonzero(padded.ravel()[1:] != padded.ravel()[:-1]) + 1

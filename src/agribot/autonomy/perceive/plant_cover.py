@@ -8,7 +8,7 @@ import numpy.typing as npt
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 
 COVER_GREEN = (0.06, 0.14)  # excess of green of no cover and of full cover with plants
-NETWORK_SHARE = 0.6  # of cover, from the network's word on crop
+NETWORK_SHARE = 0.6  # the network's share in cover, by its class crop
 
 
 def excess_green(image_rgb: ByteArray | FloatArray) -> npt.NDArray[np.float64]:

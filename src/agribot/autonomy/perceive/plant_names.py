@@ -28,7 +28,7 @@ from agribot.autonomy.perceive.stems import (
 )
 from agribot.core.messages import FloatArray, PlantClass
 
-LEAST_SCORE = 0.25  # of a stem that counts, 0 to 1
+LEAST_SCORE = 0.25  # least score of a stem that counts, 0 to 1
 LEAST_SHARE, MOST_SHARE = 0.02, 0.98  # no witness is surer
 
 

@@ -40,7 +40,7 @@ FRINGE_AREA_RATIO = 0.5
 GAP_PX = 3
 # 1 sigma of the height of foliage over the diameter of the plant.
 HEIGHT_STD_RATIO = {PlantClass.WEED: 0.2, PlantClass.CROP: 0.12}
-# Plants do not spread evenly about their foot.
+# Error of a plant's centre: plants do not spread evenly about their foot.
 CENTRE_STD_RATIO = 0.06
 
 

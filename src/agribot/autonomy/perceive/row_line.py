@@ -22,13 +22,14 @@ from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.core.messages import ByteArray, FloatArray, PlantClass, RowLine
 from agribot.core.pose import Pose2
 
-FAR_M = 2.1  # from the camera; beyond it the network misses small crop
+FAR_M = 2.1  # distance from the camera beyond which the network misses small crop
 CELL_M = 0.025
-# Evidence is counted about this far ahead, where offset and heading hardly depend on each other.
+# Distance ahead about which evidence is counted: offset and heading hardly depend on each other
+# there.
 PIVOT_AHEAD_M = 1.1
 MAX_HEADING_RAD, HEADING_STEP_RAD = math.radians(25.0), math.radians(1.25)
 MAX_OFFSET_M = 0.6
-VOTE_CELLS = np.hanning(15)  # as wide as a plant
+VOTE_CELLS = np.hanning(15)  # weights of a vote, as wide as a plant
 FOLIAGE_STD_RATIO = 0.045  # 1 sigma of where foliage seems to lie aside, for its height
 # The fit looks this far to both sides of the line, as far as big leaves reach.
 WINDOW_M, PASSES = 0.3, 3
@@ -135,7 +136,7 @@ def see_row_line(
     far = view and find_far_line(measure_far_contrast(class_map, image_rgb), view)
     if not far:
         return None if near is None else SeenRowLine(near)
-    line = _tell(_fit_far(far), t_s)
+    line = _make_line(_fit_far(far), t_s)
     if near is not None:  # ends of rows are seen near the robot alone
         line = msgspec.structs.replace(
             line, start_ahead_m=near.start_ahead_m, end_ahead_m=near.end_ahead_m
@@ -161,10 +162,10 @@ def _find_near(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowLine
     if fit is None or abs(fit.yaw_rad) > MAX_HEADING_RAD or not _is_row(crop, fit, view):
         return None
     plants = _growth(class_map, ground, class_map.class_id != PlantClass.SOIL)
-    return _tell(fit, t_s, *_ends(crop, plants, fit, view))
+    return _make_line(fit, t_s, *_ends(crop, plants, fit, view))
 
 
-def _tell(
+def _make_line(
     fit: Fit, t_s: float, start_m: float | None = None, end_m: float | None = None
 ) -> RowLine:
     return RowLine(
@@ -327,7 +328,7 @@ def _straight_line(fit: Fit, u_m: FloatArray, v_m: FloatArray, weight: FloatArra
 
 
 def _ends(crop: Growth, plants: Growth, fit: Fit, view: Wedge) -> tuple[float | None, float | None]:
-    """Where the first and the last plant lie ahead along the row, if the view holds them."""
+    """Distances ahead of the first and the last plant of the row, if the view holds them."""
     _, left_m = fit.along_left_m(crop)
     mine = np.abs(left_m) <= WINDOW_M
     # Foliage is about as long as it is wide, and a disc's spread is half its radius.

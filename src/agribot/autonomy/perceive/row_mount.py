@@ -31,8 +31,8 @@ SPACINGS = 48
 # Around the best of these, finely: steps of pitch, of spacing (a ratio), and of roll.
 NEAR_RAD, NEAR_RATIO = np.radians(np.arange(-8.0, 8.1, 1.0)), np.geomspace(0.75, 1.33, 25)
 ROLLS_RAD = np.radians(np.arange(-9.0, 9.1, 3.0))
-TILT_STDS_RAD = np.radians([0.3, 1.0, 2.0, 4.0, 6.0])  # of single pictures; one is chosen
-DRAWS = 40  # of pictures, to see how much the mount depends on single ones
+TILT_STDS_RAD = np.radians([0.3, 1.0, 2.0, 4.0, 6.0])  # candidates for the error of single pictures
+DRAWS = 40  # draws of pictures, which show how much the mount depends on single ones
 LEAST_PICTURES = 8
 MOST_ANGLE_STD_RAD, MOST_HEIGHT_STD_RATIO, MOST_ROLL_STD_RAD = (
     math.radians(1.5), 0.08, math.radians(1.5),
@@ -42,7 +42,7 @@ PITCH_MODEL_RAD, ROLL_MODEL_RAD, HEIGHT_MODEL_M = math.radians(0.4), math.radian
 
 
 class RowMountFit(msgspec.Struct, frozen=True, kw_only=True):
-    """How a camera is mounted over the ground; 1 sigma of each. Positive pitch looks down.
+    """Mount of a camera over the ground; 1 sigma of each. Positive pitch looks down.
 
     `roll_rad` is None where the pictures do not show it. `tilt_std_rad` is how much single
     pictures are tilted against the others.

@@ -18,10 +18,12 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
 PIXEL_OUTPUTS = ("class_id", "confidence")
-PLANT_OUTPUTS = {"stem_score": SQUARE_PX, "way_px": CELL_PX}  # with px per value; both or none
-PLANT_TYPES = ("tensor(uint8)", "tensor(float)")  # of theirs
+# Outputs for plants, with px per value; both or none.
+PLANT_OUTPUTS = {"stem_score": SQUARE_PX, "way_px": CELL_PX}
+PLANT_TYPES = ("tensor(uint8)", "tensor(float)")  # types of these outputs
 CPU = "CPUExecutionProvider"
-# The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
+# Least confidence: the winner of three classes has at least a third of the probability, 85 of 255;
+# less is NaN.
 LEAST_CONFIDENCE = 80
 
 
@@ -53,7 +55,7 @@ def model_path(model: str | Path) -> Path:
 
 
 class _Card(msgspec.Struct, frozen=True):
-    """What a network has to know of itself, of the card beside its file."""
+    """The card beside a network's file."""
 
     most_doubt: float | None = None
 
@@ -99,7 +101,7 @@ class Segmenter:
         self._input_name = image.name
         self.map_shape = (height, width)
         self.finds_plants = not outputs.keys().isdisjoint(PLANT_OUTPUTS)
-        if self.finds_plants and not _tells_plants(outputs, self.map_shape):
+        if self.finds_plants and not _has_plant_maps(outputs, self.map_shape):
             raise _misfit(path)
         self._output_names = PIXEL_OUTPUTS + tuple(PLANT_OUTPUTS) * self.finds_plants
 
@@ -132,7 +134,7 @@ class Segmenter:
         return PlantMaps(stem_score=stem_score, way_px=way_px)
 
 
-def _tells_plants(outputs: Mapping[str, Any], map_shape: tuple[int, int]) -> bool:
+def _has_plant_maps(outputs: Mapping[str, Any], map_shape: tuple[int, int]) -> bool:
     """Whether the outputs of an ONNX session hold both plant maps, of whole cells."""
     height, width = map_shape
     found = [(outputs[name].type, outputs[name].shape) for name in PLANT_OUTPUTS if name in outputs]

@@ -139,7 +139,7 @@ def _join_doubles(found: _Candidates) -> _Candidates:
     radii_m = np.sqrt((found.areas_m2[:, None] + found.areas_m2[None]) / math.pi)
     gaps_m = np.hypot(*(found.places_m[:, None] - found.places_m[None]).transpose(2, 0, 1))
     score = found.kind_scores.max(axis=1)
-    doubt = 1.0 - score[:, None] / score[None]  # of a row's stem, beside each surer one
+    doubt = 1.0 - score[:, None] / score[None]  # doubt of each stem of a row against each surer one
     is_near = gaps_m < (DOUBLE_RATIO + DOUBT_RATIO * doubt) * radii_m
     is_near &= is_crop[:, None] == is_crop[None]
     areas_m2 = found.areas_m2.copy()

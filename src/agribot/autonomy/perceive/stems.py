@@ -20,9 +20,9 @@ from agribot.core.messages import ByteArray, FloatArray
 CELL_PX, SQUARE_PX = 4, 2
 # Two stems nearer than this are one plant found twice.
 LEAST_GAP_PX = 8.0
-# Where the cell of a stem points to; what is farther off is another stem.
+# Radius around the stem that a cell points to; a stem farther off is another one.
 OWN_STEM_PX = 3.0
-# How far from a stem vegetation may point and still be its: ways err in proportion to themselves.
+# Largest distance from a stem to where its vegetation points: ways err in proportion to themselves.
 REACH_PX = 10.0
 REACH_RATIO = 0.3
 
@@ -33,7 +33,7 @@ Value = TypeVar("Value", np.bool_, np.uint8, np.float32)
 
 
 class PlantMaps(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """What a plant network says about stems, of a class map of (h, w) pixels.
+    """A plant network's answer on stems, of a class map of (h, w) pixels.
 
     `stem_score` (2, h/2, w/2), 255 = certain, says how surely a stem stands in each square of
     `SQUARE_PX` pixels: first of a weed, then of a crop plant, in the order of `PlantClass`.
@@ -134,9 +134,9 @@ def _place(squares: Indices, maps: PlantMaps) -> FloatArray:
     """Return the places (N, 2) of stems in squares (N, 2)."""
     centres_px = find_centres(squares, SQUARE_PX)
     cells = squares * SQUARE_PX // CELL_PX
-    told_px = find_centres(cells) + maps.way_px[:, cells[:, 0], cells[:, 1]].T
-    is_near = np.hypot(*(told_px - centres_px).T) <= OWN_STEM_PX
-    return np.where(is_near[:, None], told_px, centres_px)
+    pointed_px = find_centres(cells) + maps.way_px[:, cells[:, 0], cells[:, 1]].T
+    is_near = np.hypot(*(pointed_px - centres_px).T) <= OWN_STEM_PX
+    return np.where(is_near[:, None], pointed_px, centres_px)
 
 
 def _find_peaks(score: ByteArray) -> Mask:

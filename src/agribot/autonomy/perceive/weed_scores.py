@@ -9,12 +9,12 @@ from agribot.autonomy.perceive.crop_cover import CELL_M
 from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps, pool_squares
 from agribot.core.messages import PlantClass, WeedScores
 
-# Nearer than this to the camera, a stem is separate from its neighbours and leaves hide less.
+# Distance from the camera within which a stem is separate from its neighbours and leaves hide less.
 NEAR_M = 0.9
 
 
 class ScoreGrid:
-    """Which cell of the ground each cell of the maps of one camera falls into; built once."""
+    """Cell of the ground of each cell of one camera's maps; built once."""
 
     def __init__(
         self,

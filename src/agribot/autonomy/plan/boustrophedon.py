@@ -90,7 +90,7 @@ def plan_without(
 
 
 def _find_next_turn(path: Path, index: int, skipped: int) -> int:
-    """Where the straight under the robot ends; the point itself in a turn or before the row."""
+    """Find the end of the straight under the robot; the point itself elsewhere."""
     bends = np.flatnonzero(path.curvature_radpm[index:])
     begin = index + int(bends[0]) if len(bends) else len(path.s_m) - 1
     row = np.flatnonzero(path.row[index:] == skipped)
@@ -189,7 +189,7 @@ def _plan_turn(leave: Pose2, entry: Pose2) -> tuple[Segment, ...]:
 
 
 def _find_entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose2:
-    """Before the first plant; rows that end unevenly wait for the longer neighbour."""
+    """Find the entry before the first plant; rows with uneven ends wait for the longer one."""
     row = passes[number]
     start = Pose2(*row.start_map_m, start_yaw_rad(row))
     extra_m = 0.0

@@ -14,7 +14,7 @@ from agribot.core.geo import std_along_m
 from agribot.core.messages import Estimate, GnssQuality
 from agribot.core.robot import DriveSpec
 
-# What is left of the speed just before the robot must stop: it sees more plants only by moving.
+# Share of the speed just before the robot must stop: it sees more plants only by moving.
 CREEP_RATIO = 0.25
 # A robot that knows where it is stays this near to its path.
 TRACKING_M = 0.06
@@ -61,7 +61,7 @@ class CropGuard:
     """
 
     def __init__(self) -> None:
-        self.ratio = 1.0  # of its speed at which the robot may drive
+        self.ratio = 1.0  # share of its speed at which the robot may drive
         self._since_s: float | None = None
         self._is_granted = False
 
@@ -103,7 +103,7 @@ def _finds_row(estimate: Estimate) -> bool:
 
 
 class LostRow:
-    """How a robot drives that knows its row too little: a camera finds it only on the move."""
+    """Driving of a robot that is unsure of its row: a camera finds it only on the move."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None

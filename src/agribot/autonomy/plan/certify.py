@@ -19,7 +19,7 @@ _CHUNK = 256
 
 
 class Closest(NamedTuple):
-    """Where a wheel comes closest to the crop; `crop` counts rows, or plants if these were given.
+    """Closest wheel to the crop; `crop` counts rows, or plants if these were given.
 
     `clearance_m` is measured from the edge of the wheel and is infinite beyond REACH_M.
     """
@@ -98,7 +98,7 @@ def trace_wheels_map_m(path: Path, robot: RobotSpec) -> FloatArray:
 
 
 def _measure_distances_m(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """From each point (N, 2) to each segment (M), (N, M)."""
+    """Measure distances from each point (N, 2) to each segment (M), (N, M)."""
     along = ends - starts
     square = np.maximum(np.sum(along * along, axis=1), 1e-12)
     offset = points[:, None, :] - starts[None, :, :]

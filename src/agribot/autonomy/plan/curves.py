@@ -14,7 +14,7 @@ from agribot.core.messages import FloatArray, Path
 from agribot.core.pose import Pose2
 
 SPACING_M = 0.02
-SHORTEST_M = 1e-6  # shorter segments are rounding residues of the geometry
+SHORTEST_M = 1e-6  # shortest segment; shorter ones are rounding residues of the geometry
 # Tighter than this a skid-steer rover digs with its inner wheels instead of rolling.
 MIN_RADIUS_M = 0.3
 

@@ -30,7 +30,7 @@ STOPPING = "stops first"  # the leg until the robot stands and its errand is pla
 
 
 class Errand(NamedTuple):
-    """What for, who asked for it, and how to plan it from where the robot stands.
+    """A drive beside the work: its purpose, who asked for it, and its plan from the robot's place.
 
     `asked_by` is shown to people and decides nothing.
     """
@@ -39,7 +39,7 @@ class Errand(NamedTuple):
     asked_by: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
-    place: MapPoint | None = None  # where it ends; None where it begins at the robot's own track
+    place: MapPoint | None = None  # end of the path; None if it begins at the robot's own track
 
     @property
     def leg(self) -> str:

@@ -12,8 +12,8 @@ class ErrandKind(StrEnum):
     CHARGE = "charge"  # home, because the battery is low
     GOAL = "goal"
     WORK = "work"  # back to where the work stopped
-    BACK = "back"  # of a lost row, to where it was still sure
-    OUT = "out"  # of a lost row, all of the way
+    BACK = "back"  # back from a lost row, to where the row was still certain
+    OUT = "out"  # all of the way out of a lost row
     FREE = "free"  # out of a place where the robot is stuck
 
     @property
@@ -34,7 +34,7 @@ class ErrandKind(StrEnum):
         return self in (ErrandKind.BACK, ErrandKind.OUT)
 
     @property
-    def is_as_it_came(self) -> bool:
+    def is_along_own_track(self) -> bool:
         """Whether the robot goes back slowly along the way on which it came."""
         return self.leaves_row or self is ErrandKind.FREE
 

@@ -22,19 +22,20 @@ from agribot.core.refusal import Refusal
 
 
 class Try(NamedTuple):
-    """How far to back out for it, and how far to the left of its path to drive then."""
+    """A try: the distance to back out for it, and the offset to the left of the path after it."""
 
     back_m: float
     left_m: float
 
 
-# Where a run-up was not enough, other parts of the wheels meet the clods. None goes farther aside
-# than a robot may be that knows where it is: crop stands beside its wheels.
+# Attempts to get free, each with its run-up and offset aside. Where a run-up was not enough, other
+# parts of the wheels meet the clods. None goes farther aside than a robot may be that knows where
+# it is: crop stands beside its wheels.
 TRIES = (Try(0.3, 0.0), Try(0.5, 0.06), Try(0.5, -0.06), Try(0.8, 0.06), Try(0.8, -0.06))
-LEAST_BACK_M = 0.1  # less is no run-up
-SAME_PLACE_M = 1.5  # tries nearer to each other are at the same place
+LEAST_BACK_M = 0.1  # shortest run-up
+SAME_PLACE_M = 1.5  # distance within which tries are at the same place
 STEP_M, TRAIL_M = 0.05, 1.2
-MOST_GAP_M = 0.5  # farther away, it went on elsewhere: on an errand, or carried
+MOST_GAP_M = 0.5  # largest gap; a robot farther away went on elsewhere: on an errand, or carried
 # A robot that was shaken, or turned on the spot, did not come on a tighter bend.
 MAX_CURVATURE_RADPM = 1.0
 
@@ -86,7 +87,7 @@ class Freeing:
     def __init__(self) -> None:
         self.trail = Trail()
         self._tries = 0
-        self._place: tuple[float, float] | None = None  # of the first try of those that count
+        self._place: tuple[float, float] | None = None  # place of the first try of those that count
 
     def restart(self) -> None:
         """Forget the tries: a person has looked, or the robot has left the place."""
@@ -114,7 +115,7 @@ class Freeing:
 
     @property
     def left_m(self) -> float:
-        """How far to the left of its path the robot drives here; 0 where nothing has held it."""
+        """Offset to the left of the path here; 0 where nothing has held the robot."""
         return self._try.left_m if self._tries else 0.0
 
     @property

@@ -92,7 +92,7 @@ def _measure_clearance_m(pose: Pose2, rows: Sequence[Row], robot: RobotSpec) -> 
 
 
 def _measure_way_out_m(pose: Pose2, rows: Sequence[Row]) -> float:
-    """How far to back off until the robot is past the ends of the rows beside it; 0 if it is."""
+    """Measure the way back past the ends of the rows beside the robot; 0 if it is past them."""
     yaw_rad = chord_yaw_rad(rows[0])
     rows_frame = Pose2(0.0, 0.0, yaw_rad)
     ends: list[MapPoint] = [

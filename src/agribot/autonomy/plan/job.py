@@ -34,7 +34,7 @@ from agribot.core.messages import Estimate, MissionState, Path
 from agribot.core.pose import Pose2
 from agribot.core.row_shape import chord_yaw_rad
 
-Ending = Literal["done", "cancelled", "failed"]  # of a mission
+Ending = Literal["done", "cancelled", "failed"]  # end of a mission
 MOST_NAMED = 3  # rows without evidence
 
 
@@ -76,7 +76,7 @@ class MissionJob:
 
     @property
     def leg(self) -> str:
-        """Where on its way the robot is, for people; rows count from 1."""
+        """Stretch of its way where the robot is, for people; rows count from 1."""
         here = self.rows.here
         if here >= 0:
             return f"past row {here + 1}" if self.rows.is_skipped(here) else f"row {here + 1}"
@@ -156,7 +156,7 @@ class MissionJob:
 
     @property
     def nudged_here_m(self) -> float:
-        """How far the line of the row under the robot was moved, either way."""
+        """Offset of the row's line under the robot, either way."""
         return abs(self.rows.nudged_m(self.rows.here))
 
     def _read_along(self, row: int) -> float:
@@ -187,7 +187,7 @@ class MissionJob:
 
     @property
     def place_to_go_on(self) -> Place:
-        """Where the robot, after a drive elsewhere, gets back to its route.
+        """Place where the robot, after a drive elsewhere, gets back to its route.
 
         In crop that is straight before the row under it: rows are only entered at their ends.
         """

@@ -11,7 +11,7 @@ from agribot.core.keep_out import AreaTouch, BodyBox
 from agribot.core.messages import FloatArray
 
 Ring = Sequence[tuple[float, float]]
-MOST_GROUPS = 16  # of areas that a way leads around; of more the largest
+MOST_GROUPS = 16  # largest number of areas that a way leads around; the largest count
 
 
 class KeepOut:

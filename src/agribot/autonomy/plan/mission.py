@@ -110,9 +110,10 @@ from agribot.core.messages import (
 )
 from agribot.core.refusal import Refusal, find_fact
 
-SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
+SETTLE_S = 1.0  # time for which the estimate must hold before the robot moves
 END_TOLERANCE_M = 0.01
-CALM_S = 1.0  # before it backs out: wheels that spun stand, and a tool is out of the soil
+# Pause before it backs out: wheels that spun stand, and a tool is out of the soil.
+BACK_OUT_PAUSE_S = 1.0
 NUDGE_M = 0.01  # of a row's line, at a time
 Handler = Callable[[Any, RequestEvent], AnyFact | None]  # of a request; gives why it is refused
 
@@ -164,7 +165,7 @@ class Mission:
         self._latch = Latch() if latch is None else latch
         self._has_stood_for_stop = False  # the latch holds, and the mission has paused for it
         self._warning: Fact | None = None
-        self._is_heeded = False  # the warning sent it home, or stopped it
+        self._is_warning_obeyed = False  # the warning sent it home, or stopped it
         self._is_resumed = False  # somebody bade the work begin, and is there to read a refusal
         self._is_away = False  # the robot was driven elsewhere since the work stopped
         self._state: State = Waiting(FirstEstimateAwaited())
@@ -177,7 +178,7 @@ class Mission:
 
     @property
     def path(self) -> Path | None:
-        """None until it is planned; that of the errand while there is one."""
+        """Path of the mission, or of the errand while there is one; None until it is planned."""
         way = self._way
         return way.path if way else None
 
@@ -222,17 +223,17 @@ class Mission:
         """Take the requests of the column "open" from now on, also after the end."""
         self._stays_open = True
 
-    def heed(self, warning: Fact | None) -> None:
+    def obey_warning(self, warning: Fact | None) -> None:
         """Go home for a warning once the robot drives; without a known way home, stand still.
 
         A warning counts once: the operator who then resumes the mission decides.
         """
         self._warning = warning
-        self._is_heeded = self._is_heeded and warning is not None
+        self._is_warning_obeyed = self._is_warning_obeyed and warning is not None
         drives = isinstance(self._state, Driving | OnErrand | Waiting) and not self._latch.cause
-        if warning is None or self._is_heeded or not drives:
+        if warning is None or self._is_warning_obeyed or not drives:
             return
-        self._is_heeded = True
+        self._is_warning_obeyed = True
         self._refusal = None
         if refusal := self._turn_home(BATTERY, ErrandKind.CHARGE):
             self._pause(Both(warning, refusal), by_itself=True)
@@ -282,7 +283,7 @@ class Mission:
         """Take the requests of this tick, then drive on; return what the robot is to do now."""
         self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
         self._last = estimate if self._is_located else self._last
-        self._heed_latch()
+        self._obey_latch()
         for event in events:
             self._hear(event)
         self._desk.look(estimate.t_s)
@@ -357,9 +358,9 @@ class Mission:
 
     def _turn_latch(self, _request: Any, event: RequestEvent) -> None:
         self._latch.hear(event)
-        self._heed_latch()
+        self._obey_latch()
 
-    def _heed_latch(self) -> None:
+    def _obey_latch(self) -> None:
         """Stand still while the latch holds, whatever closed it."""
         cause, holds = self._latch.cause, self._latch.cause is not None
         if cause is not None and not self._has_stood_for_stop:
@@ -544,7 +545,7 @@ class Mission:
             if saved.planned_from is None:
                 self._wait_for_an_answer(saved)
         elif why is not None:
-            # of its own cause, however often the run is cut off
+            # the cause is its own, however often the run is cut off
             self._state = Paused(CutOff(why), stood=why)
         elif self._config.waits_for_goals:
             self._state = Paused(GoalAwaited())
@@ -634,7 +635,7 @@ class Mission:
 
         latency_s = self._task.errand_planning_s
         if errand.kind is ErrandKind.FREE:
-            latency_s = max(latency_s, CALM_S)
+            latency_s = max(latency_s, BACK_OUT_PAUSE_S)
         work = partial(errand.plan_route, estimate, self._config)
         self._desk.ask(estimate.t_s, work, latency_s, leave, stay)
 
@@ -699,7 +700,7 @@ class Mission:
             return None
         reason: Fact | None = None
         has_crop = self._task.has_crop
-        if isinstance(state, OnErrand) and state.errand.kind.is_as_it_came:
+        if isinstance(state, OnErrand) and state.errand.kind.is_along_own_track:
             return None  # along its track, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)

@@ -16,7 +16,7 @@ from agribot.core.messages import FloatArray, MapPoint, Path
 from agribot.core.robot import RobotSpec
 
 _EVERY, _TOUCH_M = 5, 1e-6  # points of a path, 10 cm; what is no nearness
-_BEYOND_M = 0.05  # of a way around, beyond the clearance: curves cut its corners
+_BEYOND_M = 0.05  # margin of a way around, beyond the clearance: curves cut its corners
 
 
 class ObstacleCircle(NamedTuple):
@@ -79,7 +79,7 @@ class Obstacles(NamedTuple):
         )
 
     def _find_area(self, path: Path) -> tuple[MapPoint, float, MapPoint] | None:
-        """Where the body comes too near to an area, how near, and a place of that area."""
+        """Find the first place too near to an area, the distance, and a place of that area."""
         if self.areas is None:
             return None
         poses = thin_poses(path)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 ROUNDED_M = 1e-4  # places in a plan file
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
-CURVATURE_SLACK_RATIO = 1.05  # arcs are checked on their chords
+CURVATURE_SLACK_RATIO = 1.05  # tolerance of the curvature: arcs are checked on their chords
 MAX_PROBLEMS = 20
 
 
@@ -140,7 +140,7 @@ def check_crop(
 
 
 def _refuse(problems: list[PlanProblem]) -> Certificate:
-    """Of a plan that is no way at all."""
+    """Refuse a plan that is no way at all."""
     return Certificate(
         ok=False, problems=tuple(problems), clearance_m=0.0, outside_m=0.0,
         wheel_row_clearance_m=None, max_curvature_radpm=0.0, coverage_ratio=0.0, field_ratio=None,

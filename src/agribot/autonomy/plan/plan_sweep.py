@@ -106,7 +106,7 @@ def measure_bends_radpm(xy: FloatArray) -> FloatArray:
 def _list_turns(
     xy: FloatArray, yaw: FloatArray, before: FloatArray | None, after: FloatArray | None
 ) -> Iterator[tuple[FloatArray, float, float]]:
-    """Where the robot turns in place, from which course to which."""
+    """List turns in place, with the courses before and after."""
     courses = [*([] if before is None else [_list_courses_rad(before)[-1]]), *yaw]
     courses += [] if after is None else [_list_courses_rad(after)[0]]
     places = xy if before is not None else xy[1:]

@@ -24,7 +24,7 @@ class PlanningHost(Protocol):
 
 
 class PlanningAtOnce:
-    """In the tick itself: for what takes less than a tick, and for tests."""
+    """Planning in the tick itself: for what takes less than a tick, and for tests."""
 
     def __init__(self) -> None:
         self._work: Work | None = None

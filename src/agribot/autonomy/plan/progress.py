@@ -61,7 +61,7 @@ class PathProgress:
         self.off_path_m = math.sqrt(best)
 
     def _past_pivot(self, index: int) -> int:
-        """At a place to turn the robot follows the new course, however little it is short of it."""
+        """Return the next point at a turn in place that is all but reached, else the same."""
         coming = bisect_left(self._pivots, index)
         if coming < len(self._pivots):
             pivot = self._pivots[coming]

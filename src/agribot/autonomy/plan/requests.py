@@ -37,7 +37,7 @@ from agribot.core.messages import RequestWord
 
 
 class Do(Enum):
-    """What the mission does, in words for people. It may still refuse: there is no way home."""
+    """The mission acts, in words for people. It may still refuse: there is no way home."""
 
     HOLD = "stops until it is released"
     RELEASE = "is released, waits for resume"
@@ -56,13 +56,13 @@ class Do(Enum):
 
 
 class Refuse(NamedTuple):
-    """Nothing is done; the status states why."""
+    """The request is refused; the status states why."""
 
     why: AnyFact
 
 
 class Ignore(NamedTuple):
-    """Nothing is to be done, and why that is no refusal."""
+    """The request needs no action, and why that is no refusal."""
 
     why: str
 

@@ -17,11 +17,11 @@ from agribot.core.messages import FloatArray, Path
 
 # The tool works up to this far past the last plant, and the robot is careful as far from it.
 TOOL_REACH_M = 0.6
-STRAIGHT_RAD = 1e-6  # from point to point
+STRAIGHT_RAD = 1e-6  # smallest turn between two points
 
 
 class Tool(NamedTuple):
-    """Where on the body the tool works, how far past the ends of a row, and what is steered.
+    """Tool point on the body, its way past the ends of a row, and the steered point.
 
     `tracked_x_m` is the point of the body that is to stay on the path while the tool works. A
     field plan has the way to the tool in it already: it takes `x_m` and `reach_m` as zero.
@@ -88,7 +88,7 @@ class Route:
 
     @property
     def row_ahead(self) -> FloatArray:
-        """What is left of the row under the robot, (N, 2); nothing between rows."""
+        """The rest of the row under the robot, (N, 2); nothing between rows."""
         first = last = self.progress.index
         while self.row[first] >= 0 and last < len(self.row) and self.row[last] == self.row[first]:
             last += 1
@@ -96,7 +96,7 @@ class Route:
 
     @property
     def before_row(self) -> int:
-        """Where the straight piece before the row under the robot begins; between rows: here."""
+        """Start of the straight piece before the row under the robot; between rows: here."""
         index = self.progress.index
         if self.row[index] < 0:
             return index
@@ -114,7 +114,7 @@ class Route:
 
     @property
     def place(self) -> tuple[float, float]:
-        """Of the path, where the robot is to be."""
+        """Point of the path where the robot is to be."""
         x_m, y_m = self.path.xy_map_m[self.progress.index]
         return float(x_m), float(y_m)
 
@@ -124,7 +124,7 @@ class Route:
 
     @property
     def goal(self) -> tuple[float, float]:
-        """Where the robot is bound for: a waypoint, the end of its row or the next row's start.
+        """Next goal of the robot: a waypoint, the end of its row or the next row's start.
 
         Behind the last row, and where there is neither, it is the end of the path.
         """
@@ -150,7 +150,7 @@ class Route:
 
 
 def _find_next_rows(row: Sequence[int]) -> list[int]:
-    """For each point, the first row behind it that it is not in; -1 behind the last."""
+    """Find for each point the first row behind it that it is not in; -1 behind the last."""
     result, following, current = [-1] * len(row), -1, -1
     for point in range(len(row) - 1, -1, -1):
         if row[point] not in (-1, current):
@@ -160,7 +160,7 @@ def _find_next_rows(row: Sequence[int]) -> list[int]:
 
 
 def _find_row_ends(row: Sequence[int]) -> list[int]:
-    """For each point, the last one of its row; between rows the first one of the next."""
+    """Find for each point the last one of its row; between rows the first one of the next."""
     result, last = [0] * len(row), len(row) - 1
     for point in range(len(row) - 1, -1, -1):
         is_end = row[point] >= 0 and (point + 1 == len(row) or row[point + 1] != row[point])
@@ -171,7 +171,7 @@ def _find_row_ends(row: Sequence[int]) -> list[int]:
 
 
 def _find_near_rows(path: Path, reach_m: float, ahead_m: float) -> list[int]:
-    """For each point, the row that a place `ahead_m` on the body is in or within reach of, or -1.
+    """Find for each point the row within reach of a place `ahead_m` on the body, or -1.
 
     Where the robot turns between rows, none is.
     """

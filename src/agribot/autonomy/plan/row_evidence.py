@@ -13,8 +13,9 @@ from agribot.core.messages import Estimate, GnssQuality, Row
 from agribot.core.row_shape import project_on_row
 
 # A position known across the rows to this share of their distance (1 sigma) identifies the row.
-TELLS_APART_RATIO = 0.25
-# A bent row of a plan is worked in straight stretches, which begin where the last one ends.
+DISTINCT_ROWS_RATIO = 0.25
+# Gap between straight stretches of one row. A bent row of a plan is worked in straight stretches,
+# each beginning at the end of the last one.
 SAME_ROW_M = 0.05
 
 
@@ -46,7 +47,7 @@ def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: floa
         return ""
     if task.has_crop and estimate.row_seen is not None:
         return "" if estimate.row_seen else "unseen"
-    is_sure = across_std_m(estimate, row_yaw_rad) <= TELLS_APART_RATIO * pitch_m
+    is_sure = across_std_m(estimate, row_yaw_rad) <= DISTINCT_ROWS_RATIO * pitch_m
     return "" if is_sure else "unsure"
 
 

@@ -8,8 +8,10 @@ from typing import Literal
 import msgspec
 
 Doubt = Literal["", "unseen", "unsure"]
-UNPROVEN_RATIO = 0.5  # of the length driven; gaps in the crop and weak light may take the rest
-# A row unseen over this share of its length is bare ground: what was seen before lasts a while.
+# Largest share of the driven length without proof; gaps in the crop and weak light may take it.
+UNPROVEN_RATIO = 0.5
+# Share of its length unseen from which a row is bare ground: an earlier sight lasts for some
+# distance.
 BARE_RATIO = 0.8
 # Most that a person may move the line of a row aside; the packaged robot's wheels clear 0.3 m.
 MOST_NUDGED_M = 0.1
@@ -48,14 +50,16 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def missing(self) -> str:
-        """What speaks against the row; it counts from 1."""
+        """Objections to the row; it counts from 1."""
         if has_evidence([self]):
             return f"row {self.index + 1}: maybe one row off"
         lacks = []
         if self.unseen_m:
             lacks.append(f"no crop row seen over {self.unseen_m:.1f} m")
         if self.unsure_m:
-            lacks.append(f"position too vague to tell it from the next over {self.unsure_m:.1f} m")
+            lacks.append(
+                f"position too uncertain to exclude the next row over {self.unsure_m:.1f} m"
+            )
         return f"row {self.index + 1}: {' and '.join(lacks)}"
 
 
@@ -72,7 +76,8 @@ class RowLog:
         """`go_on` has for a stretch of a bent row the number of the next one."""
         self._results = {index: RowResult(index=index) for index in indices}
         self._go_on = dict(go_on or {})
-        self._behind: list[tuple[int, bool]] = []  # of a bent row, and whether each was done before
+        # Stretches of a bent row, and whether each was done before.
+        self._behind: list[tuple[int, bool]] = []
         self.here = -1
         self._entered_m = self._last_m = 0.0
         self.done: tuple[int, ...] = ()

@@ -44,10 +44,10 @@ LADDER = (
          f"found again with the robot more than {ASIDE_M:g} m aside of it"),
     Rung("leave out", "backs out before the row, leaves it out as skipped and goes on with the "
          "next", "the same row is lost again, and it is surely that row: its crop was seen before, "
-         f"or RTK tells which row it is; at most {MOST_LEFT_OUT} rows one after the other"),
+         f"or RTK shows which row it is; at most {MOST_LEFT_OUT} rows one after the other"),
     Rung("ask", "stands; after `mission.stall_timeout_s` the mission is paused where the robot may "
          "reach crop, and fails elsewhere",
-         "whatever is left, and wherever no camera looks"),
+         "all other cases, and every case without a camera"),
 )  # fmt: skip
 
 
@@ -89,10 +89,12 @@ class RowRecovery:
         may_try = estimate.row_seen is not None and estimate.fact is None
         if not may_try or not (has_looked or found_aside):
             return None
-        is_told = estimate.quality is GnssQuality.RTK_FIXED or route.row_here in self._seen
-        return self._choose(route, is_aside=found_aside, is_told=is_told)
+        is_row_known = estimate.quality is GnssQuality.RTK_FIXED or route.row_here in self._seen
+        return self._choose(route, is_aside=found_aside, is_row_known=is_row_known)
 
-    def _choose(self, route: Route, *, is_aside: bool, is_told: bool) -> tuple[Way, float] | None:
+    def _choose(
+        self, route: Route, *, is_aside: bool, is_row_known: bool
+    ) -> tuple[Way, float] | None:
         row, here_m = route.row_here, route.progress.s_m
         if row < 0:
             return None
@@ -103,14 +105,14 @@ class RowRecovery:
             to_m = before_m if is_aside else max(before_m, min(self._sure_s_m, here_m) - SURE_M)
             return (ErrandKind.BACK, to_m) if here_m - to_m <= MAX_BACK_M else None
         # Bare ground from the first metre on may be no row at all: then the count of rows is off.
-        may_leave_out = is_told and self._may_leave_out(row)
+        may_leave_out = is_row_known and self._may_leave_out(row)
         if self._tries[row] > 2 or here_m - before_m > MAX_BACK_M or not may_leave_out:
             return None
         self._left_out.append(row)
         return ErrandKind.OUT, before_m
 
     def _may_leave_out(self, row: int) -> bool:
-        """Not the last of too many one after the other."""
+        """Return whether a row may be left out: not as the last of too many one after the other."""
         last = self._left_out[-MOST_LEFT_OUT:]
         return len(last) < MOST_LEFT_OUT or abs(row - last[-1]) > 1
 

@@ -9,7 +9,7 @@ from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import MapPoint, Row
 
-SHORTEST_ARC_RATIO = 0.1  # of an inner row against the first one
+SHORTEST_ARC_RATIO = 0.1  # least length of an inner row against the first one
 
 
 def lay_rows(field: FieldConfig) -> tuple[Row, ...]:
@@ -24,7 +24,7 @@ def lay_rows(field: FieldConfig) -> tuple[Row, ...]:
     rows = []
     for index in range(field.row_count):
         offset_m = index * field.row_pitch_m
-        stretch = 1.0 + bend_radpm * offset_m  # of the arc against that of the first row
+        stretch = 1.0 + bend_radpm * offset_m  # length of the arc against that of the first row
         half_turn_rad = bend_radpm * field.row_length_m / 2.0
         ratio = math.sin(half_turn_rad) / half_turn_rad if half_turn_rad else 1.0
         chord_m = field.row_length_m * stretch * ratio

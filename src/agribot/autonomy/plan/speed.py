@@ -13,10 +13,10 @@ from agribot.core.geo import is_backwards
 from agribot.core.messages import Path
 from agribot.core.robot import DriveSpec
 
-TURN_YAW_RATE_RADPS = 0.6  # keeps the inner wheels of a tight turn rolling forwards
+TURN_YAW_RATE_RADPS = 0.6  # yaw rate at which the inner wheels of a tight turn still roll forwards
 RAMP_MPS2 = 0.3  # gentle for the soil, and far below what the drive can brake
-CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
-MAX_ROW_CURVATURE_RADPM = 0.25  # what bends more is a turn
+CREEP_MPS = 0.05  # least speed, which ends the approach to the end of the path
+MAX_ROW_CURVATURE_RADPM = 0.25  # largest curvature of a row; a larger one is a turn
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 

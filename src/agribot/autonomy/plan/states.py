@@ -12,7 +12,7 @@ from agribot.core.messages import MissionState
 
 
 class Waiting(msgspec.Struct, frozen=True, eq=False):
-    """For a position that holds, and for the way that is planned from it."""
+    """The mission waits for a position that holds, and for the way that is planned from it."""
 
     reason: Fact | None = None
     steady_since_s: float | None = None
@@ -34,7 +34,7 @@ class OnErrand(msgspec.Struct, frozen=True, eq=False):
 
 
 class Stopping(msgspec.Struct, frozen=True, eq=False):
-    """It comes to rest for an errand, whose way is planned from where it stands.
+    """The robot comes to rest for an errand, whose way is planned from where it stands.
 
     `stood` and `held` are those of the pause before.
     """
@@ -46,7 +46,7 @@ class Stopping(msgspec.Struct, frozen=True, eq=False):
 
 
 class Paused(msgspec.Struct, frozen=True, eq=False):
-    """It stands until somebody resumes it.
+    """The robot stands until a person resumes the mission.
 
     `stood` is why, as a saved mission keeps it; `held` is the same where it paused by itself.
     Resumed, it goes on with `away`, the errand that it was on, or begins `cut_off`, that of an

@@ -23,7 +23,7 @@ class Task(Protocol):
 
     @property
     def rows(self) -> Sequence[Row]:
-        """What is worked, by the index that the path names; none where places are visited."""
+        """Work by the index that the path names; none where places are visited."""
         ...
 
     @property
@@ -41,7 +41,7 @@ class Task(Protocol):
 
     @property
     def clearance_m(self) -> float:
-        """How far the robot may be off a row before a wheel reaches crop."""
+        """Distance from a row at which a wheel reaches crop."""
         ...
 
     @property
@@ -56,17 +56,17 @@ class Task(Protocol):
 
     @property
     def explorer(self) -> Explorer | None:
-        """What finds rows under way and leads the robot over them; None where they are known."""
+        """Explorer that finds rows under way and leads the robot over them; None: known rows."""
         ...
 
     @property
     def text(self) -> str:
-        """What a field plan that came under way was read from."""
+        """Source text of a field plan that came under way."""
         ...
 
     @property
     def name(self) -> str:
-        """Of a visit; empty for all other tasks."""
+        """Name of a visit; empty for all other tasks."""
         ...
 
     @property

@@ -131,7 +131,7 @@ class Watch:
 
 
 def _find_crop(path: Path, rows: Sequence[Row]) -> list[bool]:
-    """For each point of a path, whether it runs in or next to a row."""
+    """Return for each point of a path whether it runs in or next to a row."""
     found = np.zeros(len(path.s_m), dtype=bool)
     for row in rows:
         along_m, left_m, _ = project_on_row(row, path.xy_map_m[:, 0], path.xy_map_m[:, 1])

@@ -25,7 +25,7 @@ __all__ = ["parse_waypoints", "plan_waypoints"]
 
 TURN_RADIUS_M = 0.5
 MAX_CORNER_RADIUS_M = 1.0
-CUT_RATIO = 0.5  # of the waypoint radius; the other half is left to the follower
+CUT_RATIO = 0.5  # share of the waypoint radius; the other half is left to the follower
 SAME_PLACE_M = 0.01
 ON_LINE_M = 1e-6
 OFF_LINE_COST = 0.3
@@ -162,5 +162,5 @@ def _round_corner(
 
 
 def _measure_tangent_m(corner: Segment) -> float:
-    """From the corner point to either end of its arc."""
+    """Measure the distance from the corner point to either end of its arc."""
     return abs(math.tan(corner.length_m * corner.curvature_radpm / 2.0) / corner.curvature_radpm)

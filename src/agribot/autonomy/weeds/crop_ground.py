@@ -66,11 +66,11 @@ class CropGround:
         self._is_closed[at] = is_still_closed | (now >= CLOSED)
         self._was_bare[at] = ~is_crop
         self._ring.take(i, j)
-        is_told = np.isfinite(stems_m[0])
+        has_stem = np.isfinite(stems_m[0])
         before = np.where(is_known, self._explained[at], 0.0)
-        self._explained[at] = np.where(is_crop, before + NEWS_RATIO * (is_told - before), before)
-        told = (at[0][is_told], at[1][is_told])
-        self._stems_m[:, told[0], told[1]] = stems_m[:, is_told]
+        self._explained[at] = np.where(is_crop, before + NEWS_RATIO * (has_stem - before), before)
+        cells = (at[0][has_stem], at[1][has_stem])
+        self._stems_m[:, cells[0], cells[1]] = stems_m[:, has_stem]
 
     def covers(
         self,

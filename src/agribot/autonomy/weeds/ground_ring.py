@@ -16,7 +16,7 @@ IndexArray = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 CELL_M = 0.025
-# Ground is remembered while it is nearer than half of this: from the view's far end to the boom.
+# Side of the remembered ground, twice the distance of the view's far end from the boom.
 SIDE_CELLS = 256
 
 
@@ -100,6 +100,6 @@ def wrap(i: IndexArray, j: IndexArray) -> tuple[IndexArray, IndexArray]:
 
 
 def spread_steps(half_m: float) -> FloatArray:
-    """From -half to half, no two farther apart than half a cell."""
+    """Spread steps from -half to half, none larger than half a cell."""
     count = max(2, math.ceil(4.0 * half_m / CELL_M) + 1)
     return np.linspace(-half_m, half_m, count)

@@ -24,14 +24,15 @@ from agribot.core.pose import Pose2
 GATE_CHI2 = 13.8  # 99.9 % of two degrees of freedom
 REACH_SIGMA = 3.0
 MAX_CLASS_COST = 4.4  # 2 ln(0.9 / 0.1): one plant in ten is called by the other name
-VIEW_INSET_M = 0.05  # between a plant's outline and the edge of the view; nearer, it may be cut
+# Distance of a plant's outline from the edge of the view; a nearer one may be cut.
+VIEW_INSET_M = 0.05
 # A plant under the leaves of another one of its class, within this part of their radius and seen
 # less often by this factor, is that one seen twice.
 DOUBLE_RADIUS_RATIO = 0.75
 DOUBLE_SIGHTINGS_RATIO = 2
-TENTATIVE_S = 20.0  # a plant not confirmed by then is forgotten
-# From the last sight of a plant to the tool, and a little more: on this way it stands where it was
-# seen from the robot, however the pose is corrected; farther on, where the map then had it.
+TENTATIVE_S = 20.0  # age at which an unconfirmed plant is forgotten
+# Way from the last sight of a plant to the tool, and a little more: on this way it stands where it
+# was seen from the robot, however the pose is corrected; farther on, where the map then had it.
 NEAR_WAY_M = 1.0
 LEAST_SHIFT_M = 0.0005
 
@@ -278,7 +279,7 @@ class WeedMap:
 
     @property
     def _one_place_m(self) -> float:
-        """How near two plants of one picture are almost in one place."""
+        """Return the distance below which two plants of one picture are in one place."""
         return self._config.merge_radius_m / 4.0
 
     def _merge_around(self, track: Track, t_s: float) -> None:

@@ -38,9 +38,9 @@ from agribot.core.errors import RecordingError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass
 
-MAX_REACH_M = 0.5  # however badly two places are known: beyond it stands another plant
-MAX_APART_M = 20_000.0  # of two datums: a local map is flat only near its origin
-SAME_PLANT_M = 0.25  # a row of a later state of the same map has moved no farther
+MAX_REACH_M = 0.5  # largest distance of two sights of one plant, however uncertain both places are
+MAX_APART_M = 20_000.0  # largest distance of two datums: a local map is flat only near its origin
+SAME_PLANT_M = 0.25  # largest shift of a row of a later state of the same map
 CHUNK = 65_536  # pairs at a time
 SWAPPED_RATIO, LEAST_PAIRS = 0.5, 20
 

@@ -21,7 +21,8 @@ IndexArray = npt.NDArray[np.int64]
 
 DECISIONS = ("", "treat", "spare")
 OUTCOMES = ("", "treated", "missed", "seen again")
-# `map` is an index into the table's names, `reason` one into `REASONS`; NaN: unknown.
+# Row of the table. `map` is an index into the table's names, `reason` one into `REASONS`; NaN:
+# unknown.
 ROW = np.dtype(
     [
         ("map", "i4"), ("id", "i8"), ("group", "i8"), ("plant", "u1"), ("decision", "u1"),

@@ -22,12 +22,12 @@ UNSHIFTED = Pose2(0.0, 0.0, 0.0)
 # of a receiver; no single correction counts more than that.
 SCALE_MEMORY_M, LEAST_WAY_M = 20.0, 5.0
 MAX_SCALE_RATIO, MAX_LOST_M = 0.03, 0.02
-# A tighter curve makes the wheels slip otherwise than along a row.
+# Largest curvature at which the wheels slip as along a row.
 STRAIGHT_RADPM = 0.2
 
 
 class WayScale:
-    """By which ratio the way is longer than the wheels say, from the corrections along it."""
+    """Ratio of the way to that of the wheels, from the corrections along it."""
 
     def __init__(self) -> None:
         self._way_m = LEAST_WAY_M
@@ -54,7 +54,7 @@ class PoseShifts:
         self._times_s: list[float] = []
         self._totals: list[Pose2] = []
         self._scale = WayScale()
-        self.total = UNSHIFTED  # of all corrections until now
+        self.total = UNSHIFTED  # sum of all corrections until now
         self.way_m = 0.0  # driven until now
 
     def add(self, estimate: Estimate) -> None:

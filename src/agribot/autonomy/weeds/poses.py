@@ -10,8 +10,8 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
-SPAN_S = 3.0  # longer than any camera plus network takes
-MAX_GAP_S = 0.15  # at 1 m/s and 1 rad/s a straight line over this gap is off by 3 mm
+SPAN_S = 3.0  # history of poses, longer than any camera plus network takes
+MAX_GAP_S = 0.15  # longest gap; at 1 m/s and 1 rad/s a straight line over it is off by 3 mm
 SAME_TIME_S = 1e-6
 
 

@@ -19,22 +19,23 @@ from agribot.core.messages import GroundPlant, MappedPlant, PlantClass
 from agribot.core.pose import Pose2
 
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out
-MIN_OWN_STD_M = 0.01  # a plant's outline has no better defined centre
+MIN_OWN_STD_M = 0.01  # least error of a plant's centre, by its outline
 
 # A plant that comes into view again after this time is seen on another pass, with another error of
 # the pose. Looks give its place anew if their own variance is at most this share of the variance
 # that the poses of both passes leave; looks from the next row are worse than a good receiver.
 LATER_PASS_S = 5.0
-TELLING_SHARE = 0.5
+LEAST_NEWS_SHARE = 0.5
 
 # Log-odds of existence. A network misses the same plant in several frames on end, so one miss
 # says less than an independent one would: detection 0.5, clutter 0.05 per gate and frame.
 HIT_LOGIT = math.log(0.5 / 0.05)
 MISS_LOGIT = math.log(0.5 / 0.95)
 MAX_EXISTS_LOGIT = 6.0
-GONE_LOGIT = -2.0  # below it the track is dropped
+GONE_LOGIT = -2.0  # belief below which the track is dropped
 
-# Networks are surer than they are right, and frames of one plant are alike.
+# Limits of one frame's confidence. Networks are surer than they are right, and frames of one plant
+# are alike.
 CLASS_CONFIDENCE = (0.55, 0.9)
 MAX_CLASS_LOGIT = 6.0
 
@@ -57,7 +58,7 @@ class PlantSighting:
     weed_logit: float
     area_m2: float
     is_stem: bool = False
-    rest_m: tuple[float, float] | None = None  # by the pose as it was known at the capture
+    rest_m: tuple[float, float] | None = None  # the same by the pose as it was known at the capture
 
 
 @dataclass(slots=True, eq=False)
@@ -82,7 +83,7 @@ class Track:
     left: int = 0  # index into REASONS
     is_here: bool = True  # its place was seen on this pass
     apart: set[int] = field(default_factory=set)  # weeds that one picture showed beside this one
-    # Where the map has it once the robot has left it: the mean place of all sightings, by the pose
+    # Its place in the map once the robot has left it: the mean place of all sightings, by the pose
     # as it was known then, the nearest looks first.
     rest_m: tuple[float, float] | None = None
     rest_weight: float = 0.0
@@ -113,7 +114,7 @@ class Track:
 
     @property
     def radius_m(self) -> float:
-        """Of a disc with the plant's area."""
+        """Radius of a disc with the plant's area."""
         return math.sqrt(self.area_m2 / math.pi)
 
     def gap_m(self, other: PlantSighting | Track) -> float:
@@ -143,7 +144,7 @@ class Track:
         self._mean_rest(seen.rest_m, seen.own_var_m2**-2)
         self.is_here &= t_s - self.last_seen_s <= LATER_PASS_S
         open_m2 = (self.xx_m2 + self.yy_m2 + seen.xx_m2 + seen.yy_m2) / 2.0
-        if not self.is_here and seen.own_var_m2 <= TELLING_SHARE * open_m2:
+        if not self.is_here and seen.own_var_m2 <= LEAST_NEWS_SHARE * open_m2:
             self.own_var_m2 += (self.xx_m2 + self.yy_m2) / 2.0
             self.is_here = True
         if self.is_here:

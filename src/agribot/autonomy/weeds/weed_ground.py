@@ -64,6 +64,6 @@ class WeedGround:
         box = Pose2(x_map_m, y_map_m, yaw_map_rad)
         across_m = np.array(left_m)[:, None, None] + spread_steps(half_y_m)[None, None, :]
         i, j = self._ring.find_cells(box, spread_steps(half_x_m)[None, :, None], across_m)
-        is_told = self._ring.find_held(i, j) & (self._looks[wrap(i, j)] >= LEAST_LOOKS)
-        scores: FloatArray = np.where(is_told, self._mean[wrap(i, j)], 0.0).max(axis=(1, 2))
+        is_seen = self._ring.find_held(i, j) & (self._looks[wrap(i, j)] >= LEAST_LOOKS)
+        scores: FloatArray = np.where(is_seen, self._mean[wrap(i, j)], 0.0).max(axis=(1, 2))
         return scores

@@ -54,7 +54,7 @@ class Pull(NamedTuple):
 
 
 class ImplementEffect(Protocol):
-    """What an implement does to a simulated field, and the field to the robot."""
+    """Effect of an implement on a simulated field, and of the field on the robot."""
 
     def command(self, t_s: float, command: ImplementCommand) -> None:
         """Take a command given at `t_s`; one without sections switches all of them off.
@@ -84,7 +84,7 @@ class ImplementEffect(Protocol):
 
 @runtime_checkable
 class WetsLeaves(Protocol):
-    """What an effect that wets plants also reports."""
+    """Further reports of an effect that wets plants."""
 
     @property
     def wet_leaves(self) -> dict[int, float]:

@@ -15,7 +15,8 @@ ENDED_BY_OPERATOR = "run ended by the operator"
 NO_TOOL = "no tool on the robot"
 OUTSIDE_ROWS = "outside the rows"
 OUTSIDE_TOOL = "outside the tool"
-PASSED = "passed by the tool"  # before it was on the map, or by a tool that names no reasons
+# Untreated before it was on the map, or by a tool that names no reasons.
+PASSED = "passed by the tool"
 
 
 class Left(Protocol):
@@ -32,7 +33,7 @@ class Left(Protocol):
 
 
 class Passage(NamedTuple):
-    """Where a tool of `width_m` passed along rows; None: the robot has no tool.
+    """Passage of a tool of `width_m` along rows; None: the robot has no tool.
 
     `is_passed` gets a row and how far along it; `not_passed` is why the rest was not.
     """

@@ -7,7 +7,8 @@ from typing import NamedTuple, Protocol
 
 from agribot.core.messages import FloatArray, PlantClass
 
-# Why a weed was left, as far as an implement gets on its way to treat it: the last word counts.
+# Reasons for a weed that was left, as far as an implement gets on its way to treat it: the last
+# word counts.
 REASONS = (
     "", "tool off", "seen too late", "outside the tool", "tool busy", "beside a crop",
     "stem of crop", "leaf of crop", "aimed at and not hit", "outside the prescription",

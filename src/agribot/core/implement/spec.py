@@ -11,7 +11,7 @@ from agribot.core.messages import ImplementCommand
 
 
 class StateLine(NamedTuple):
-    """What an implement does now, in its own words: "Nozzles", "●○○"."""
+    """State of an implement in its own words: "Nozzles", "●○○"."""
 
     name: str
     text: str
@@ -27,7 +27,7 @@ class ImplementSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     kind: ClassVar[str]
     sections: ClassVar[str] = "sections"  # the word for them
-    verb: ClassVar[str] = "treated"  # what it has done to a weed
+    verb: ClassVar[str] = "treated"  # the treatment of a weed, as a past participle
     min_speed_mps: ClassVar[float] = 0.0  # slower than this, it may not work
     works_backwards: ClassVar[bool] = True
     wets_ground: ClassVar[bool] = False

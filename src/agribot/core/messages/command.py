@@ -15,7 +15,7 @@ class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Which sections of the implement work, from left to right; none where there is no implement.
+    """Working sections of the implement, from left to right; none without an implement.
 
     `setpoints` are numbers that a kind of implement wants beside that, by names with their units,
     such as `depth_m`. They do nothing by themselves: an implement with all sections off is at rest.
@@ -40,7 +40,7 @@ class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=
 
 
 class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):
-    """What a platform is to do from now on.
+    """Command to a platform from now on.
 
     `is_power_cut` opens the contactor in the motors' supply, where the robot has one.
     """

@@ -14,7 +14,7 @@ SensorState = Literal["fine", "silent", "late", "frozen", "contradicted"]
 
 
 class SensorVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What the estimate thinks of one sensor, since when, and why; fine needs no reason.
+    """Verdict on one sensor, its time and its reason; fine needs none.
 
     `reason` is the text of `fact`.
     """

@@ -69,14 +69,15 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     eta_s: float | None = None  # until the end of the path, at the planned speeds
     refusal: str = ""  # why the last goal, visit, plan or way home was not taken
     task: str = ""  # the name of the visit that took the place of the mission
-    goal_map_m: tuple[float, float] | None = None  # where the robot is bound for on its path
+    goal_map_m: tuple[float, float] | None = None  # destination of the robot on its path
     rows_unproven: tuple[int, ...] = ()  # driven without evidence that it was this row: not done
     stopped: str = ""  # why it stands until a person clears the stop
     held: str = ""  # why it paused by itself; a person has to look, and to resume it
-    warning: str = ""  # what calls it home, such as a low battery
+    warning: str = ""  # cause of its way home, such as a low battery
     answers: tuple[RequestAnswer, ...] = ()  # to the requests that were settled in this tick
-    row_nudged_m: float = 0.0  # by hand, to the left of the row's direction; of the row here
-    gate: GateStatus = GateStatus()  # of the supervisor, the last gate before the motors
+    # Offset by an operator, to the left of the row's direction; for the row here.
+    row_nudged_m: float = 0.0
+    gate: GateStatus = GateStatus()  # status of the supervisor, the last gate before the motors
     fact: AnyFact | None = None
     stopped_fact: AnyFact | None = None
     held_fact: AnyFact | None = None
@@ -85,7 +86,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """What the mission wants now: follow `path` from `s_m`, at most this fast.
+    """Goal of the mission now: follow `path` from `s_m`, at most this fast.
 
     `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
     `frees_itself`: where the robot is stuck, the mission backs out of it and tries again.
@@ -98,4 +99,4 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     status: MissionStatus
     tracked_x_m: float = 0.0
     frees_itself: bool = False
-    bounds: FieldBounds | None = None  # of the field that must not be left
+    bounds: FieldBounds | None = None  # bounds of the field that must not be left

@@ -57,7 +57,7 @@ class RowLine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CropCover(msgspec.Struct, frozen=True, kw_only=True):
-    """Where leaves of crop stand over the ground, as one frame shows it; nothing may spray there.
+    """Leaves of crop over the ground, as one frame shows them; nothing may spray there.
 
     Square cells of the body frame, row by row from the corner at (`x_body_m`, `y_body_m`): columns
     run to the left (y), rows forwards (x). `crop` and `seen` hold a bit for each cell, the highest
@@ -85,7 +85,7 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WeedScores(msgspec.Struct, frozen=True, kw_only=True):
-    """How surely a network sees stems of weeds on the ground of one frame.
+    """Scores of weeds' stems on the ground of one frame, by a network.
 
     Square cells of the body frame as those of `CropCover`. `scores` holds a byte for each: 0 where
     the picture does not show the cell, from 1, no stem there, to 255, one for certain.
@@ -100,7 +100,7 @@ class WeedScores(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """What the network saw in the frame captured at `t_s`.
+    """The network's view of the frame captured at `t_s`.
 
     It is to be there at `ready_s`: a simulation waits for that, in real time it is used as soon as
     it is there, and what comes later is late.
@@ -118,8 +118,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     row_line: RowLine | None = None
     crop_cover: CropCover | None = None  # None: the camera or the recording has none
     weed_scores: WeedScores | None = None  # None: the network or the recording has none
-    picture_crc32: int = 0  # of the picture's bytes; 0 where not computed
-    doubt: float | None = None  # of the network, 0 to 1 (perceive/doubt.py); None: not known
+    picture_crc32: int = 0  # checksum of the picture's bytes; 0 where not computed
+    doubt: float | None = None  # doubt of the network, 0 to 1 (perceive/doubt.py); None: not known
     unfit: str = ""  # why nothing else of the scene holds, such as too dark a picture
 
 

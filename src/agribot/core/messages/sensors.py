@@ -28,7 +28,7 @@ MIDDLE_WHEEL_NAMES = {
 
 
 class GnssQuality(IntEnum):
-    """How a position was obtained; the numbers are those of NMEA GGA field 6."""
+    """Kind of a position; the numbers are those of NMEA GGA field 6."""
 
     NONE = 0
     SINGLE = 1
@@ -128,7 +128,7 @@ class Satellite(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """What a receiver reports beside its fixes, about once a second; None and empty: not reported.
+    """A receiver's report beside its fixes, about once a second; None and empty: not reported.
 
     Dilutions of precision are of geometry, position, plane, height and time. The age is that of
     the newest correction, the counts are of corrections passed on to the receiver, by RTCM number.
@@ -153,7 +153,7 @@ class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a receiver at a known place believes to be: what is off there is off nearby, too.
+    """Position by a receiver at a known place: its error applies to nearby receivers.
 
     `velocity_mps` is East, North, Up, of one that stands its error; None where it gives none.
     """
@@ -218,13 +218,13 @@ class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     charge_ratio: float
 
 
-# What a motor board reads for safety: the red button (e-stop), the bumper, the battery's voltage,
-# and whether its motors are well.
+# Safety inputs of a motor board: the red button (e-stop), the bumper, the battery's voltage, and
+# the health of its motors.
 SafetyInput = Literal["red button", "bumper", "battery", "motors"]
 
 
 class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
-    """What a motor board reports: its safety inputs, its stop and its faults.
+    """Report of a motor board: its safety inputs, its stop and its faults.
 
     `inputs` are those that it reads at this moment; one that it has lost is left out, and is a
     fault where the robot must have it. `stop` is why it drives no motor until it gets the command
@@ -239,7 +239,7 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What the contactor in the motors' supply reports: whether it feeds them, as far as it knows.
+    """Report of the contactor in the motors' supply: whether it feeds them, as far as it knows.
 
     Where there are two in series, `is_closed` while both are, and `is_one_closed` while one of
     them is alone: the other took the power. `fault` is why it does not obey, or cannot get, its
@@ -253,7 +253,7 @@ class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=T
 
 
 class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
-    """What a sensor without a field of its own in the batch measured.
+    """Measurement of a sensor without a field of its own in the batch.
 
     `sensor` is its name, and the meaning and the units of `numbers` are its own affair: that of the
     `Correction` that takes them.
@@ -272,7 +272,7 @@ class DeviceNote(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
-    """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
+    """Samples since the last tick, oldest first. A silent sensor is an empty tuple."""
 
     t_s: float
     wheels: tuple[WheelSample, ...] = ()

@@ -13,7 +13,7 @@ from agribot.core.messages.sensors import SensorBatch
 
 
 class Tracking(msgspec.Struct, frozen=True, kw_only=True):
-    """What the follower believes: signed cross-track (left positive) and heading error."""
+    """The follower's errors: signed cross-track (left positive) and heading."""
 
     s_m: float
     cross_track_m: float

@@ -13,7 +13,8 @@ WGS84_SRS = 4326
 UNDEFINED_SRS = {0, -1}
 APPLICATION_ID = int.from_bytes(b"GPKG", "big")
 VERSION = 10300
-_MAX_STEPS = 50_000_000  # of SQLite's virtual machine: a view may be a program that never ends
+# Steps of SQLite's virtual machine: a view may be a program that never ends.
+_MAX_STEPS = 50_000_000
 
 # Clause 1.1.2 and table 1 of the standard, and the definition of WGS 84 by EPSG.
 TABLES = """

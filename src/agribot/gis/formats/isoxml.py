@@ -28,7 +28,7 @@ _ROUTES = {"4": "sampling route", "8": "flag"}
 _AB, _A_PLUS, _CURVE = "1", "2", "3"
 _OTHER_POINT, _POINT_A, _POINT_B, _POINT_BETWEEN = "2", "6", "7", "9"
 _PLACES = {"1", "2", "3", "4", "10", "11"}
-A_PLUS_M = 100.0  # from A to the B of an A-B line of the same heading
+A_PLUS_M = 100.0  # distance of A and B of an A-B line of the same heading
 
 
 def holds_task_data(names: Sequence[str]) -> bool:

@@ -38,13 +38,13 @@ def give_kinds(found: Members, left_out: Counter[str]) -> Counter[str]:
     Areas are boundaries, and obstacles where they lie in another one or a boundary is named. So are
     lines and points that a tag of OpenStreetMap has something stand on. Other lines are rows.
     """
-    untold = [feature for feature in found if not feature["properties"].get("kind")]
+    unnamed = [feature for feature in found if not feature["properties"].get("kind")]
     is_bounded = any(feature["properties"].get("kind") == "boundary" for feature in found)
-    areas = [feature for feature in untold if feature["geometry"]["type"] == "Polygon"]
+    areas = [feature for feature in unnamed if feature["geometry"]["type"] == "Polygon"]
     inner = range(len(areas)) if is_bounded else find_inner([f["geometry"] for f in areas])
     for number, feature in enumerate(areas):
         feature["properties"]["kind"] = "obstacle" if number in inner else "boundary"
-    others = [feature for feature in untold if feature["geometry"]["type"] != "Polygon"]
+    others = [feature for feature in unnamed if feature["geometry"]["type"] != "Polygon"]
     _draw_standing([f for f in others if any(map(f["properties"].get, _STANDING))], found, left_out)
     guessed = [feature for feature in others if not feature["properties"].get("kind")]
     for feature in guessed:

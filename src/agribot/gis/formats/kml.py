@@ -17,7 +17,7 @@ from agribot.gis.geojson import Feature, Found, Geometry, LonLat, describe_left_
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 _MAIN_FILE = "doc.kml"
-_COMMAS = 3  # in one place, with one behind its altitude
+_COMMAS = 3  # commas in one place, with one behind its altitude
 _COMMA = re.compile(r"\s*,\s*")  # many programs write spaces beside the commas of a place
 
 

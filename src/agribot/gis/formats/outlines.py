@@ -15,13 +15,13 @@ from agribot.gis.geojson import MAX_POINTS, LonLat, close_ring
 if TYPE_CHECKING:
     import shapely
 
-GAP_M = 10.0  # between the begin and the end of a walk around a field
-GAP_RATIO = 0.05  # of the way around
+GAP_M = 10.0  # distance of the begin and the end of a walk around a field
+GAP_RATIO = 0.05  # the same as a share of the way around
 # Area by the square of the way around: 0.063 of a square, 0.02 of ten by one. A line to and fro
 # along neighbouring rows has less and is no outline.
 LEAST_COMPACTNESS = 0.005
-END_RATIO = 0.25  # of the points of a walk, in which its end is searched for on its begin
-LEAST_MAIN_RATIO = 0.95  # of what a line encloses, in its largest part
+END_RATIO = 0.25  # share of a walk's points in which its end is searched for on its begin
+LEAST_MAIN_RATIO = 0.95  # least share of the largest part in the area that a line encloses
 CROSSINGS = "loops where it crosses itself cut off"
 _LEAST_CORNERS = 4
 

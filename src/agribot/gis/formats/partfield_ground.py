@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 OBSTACLE_RADIUS_M = 0.5  # around points and beside lines, which have no size or a smaller one
 EDGE_M = 0.02  # left between an obstacle that reaches the edge and the edge
-LEAST_M2 = 1e-3  # of an obstacle
+LEAST_M2 = 1e-3  # area of an obstacle
 
 
 class PartfieldGround:

@@ -121,18 +121,18 @@ def _name_changes(
     name: str, left_out: Counter[str], changes: Counter[str], guessed: Counter[str]
 ) -> str:
     """Name in one line what was left out or changed, and what was guessed of lines and points."""
-    told = []
+    notes = []
     if left_out:
-        told.append(f"left out: {_list_counted(left_out)}")
+        notes.append(f"left out: {_list_counted(left_out)}")
     if changes:
-        told.append(_list_counted(changes))
-    told += [
+        notes.append(_list_counted(changes))
+    notes += [
         f"{what} without a kind: {guessed[shape]}, taken for {meant}; draw what stands there as an "
         "area"
         for shape, what, meant in GUESSES
         if guessed[shape]
     ]
-    return f"{name[:80]}: {'; '.join(told)}" if told else ""
+    return f"{name[:80]}: {'; '.join(notes)}" if notes else ""
 
 
 def _list_counted(things: Counter[str]) -> str:
@@ -235,7 +235,7 @@ READERS: dict[str, Callable[[bytes], Found]] = {
     ".gpx": read_gpx,
     ".zip": _read_archive,
 }
-# Two of the formats are archives, distinguished by their suffixes.
+# Writers by suffix; two of the formats are archives, distinguished by their suffixes.
 WRITERS: dict[str, Callable[[Sequence[Feature]], bytes]] = {
     ".geojson": _write_geojson,
     ".json": _write_geojson,

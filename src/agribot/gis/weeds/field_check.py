@@ -16,8 +16,8 @@ from agribot.gis.field_file import read_field
 if TYPE_CHECKING:
     import shapely
 
-EDGE_M = 1.0  # plants beside the boundary are seen from inside
-LEAST_RATIO = 0.99  # of the plants in the field: a few false ones may lie outside
+EDGE_M = 1.0  # tolerance at the boundary: plants beside it are seen from inside
+LEAST_RATIO = 0.99  # least share of plants in the field: a few false ones may lie outside
 
 
 def check_in_field(table: PlantTable, field: Path, shown: str) -> None:

@@ -24,7 +24,7 @@ from agribot.gis.weeds.records import (
     Found,
 )
 
-MAX_EXTENT_M = 20_000.0  # a local map is flat only near its origin
+MAX_EXTENT_M = 20_000.0  # largest extent: a local map is flat only near its origin
 MAX_EVIDENCE = 1000
 APART_M, APART_RATIO = 0.05, 1e-3  # between a place in degrees and the same in the robot's map
 _PLANT_OF = {name: int(plant) for plant, name in CLASSES.items()}
@@ -36,7 +36,7 @@ _AXES = {
 
 
 class Reading(NamedTuple):
-    """What a file holds: its plants, and the datum of its map if it has one."""
+    """Content of a file: its plants, and the datum of its map if it has one."""
 
     found: Found
     datum: Datum | None = None
@@ -94,8 +94,8 @@ class _Collector:
 
     def _append(self, lon_deg: float, lat_deg: float, values: Mapping[str, Any]) -> None:
         take = values.get
-        told = take("id") if take("map_id") is None else take("map_id")
-        id = self._group + 1 if told is None else _read_id(told)
+        stated = take("id") if take("map_id") is None else take("map_id")
+        id = self._group + 1 if stated is None else _read_id(stated)
         xx_m2, xy_m2, yy_m2 = take("xx_m2"), take("xy_m2"), take("yy_m2")
         if xx_m2 is None or yy_m2 is None:
             xx_m2 = yy_m2 = _read_std(take("std_m")) ** 2

@@ -25,13 +25,13 @@ from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 from agribot.gis.weeds.styles import make_qgis_style
 
 LAYER = "weed_map"
-_MAX_STEPS = 500_000_000  # of SQLite's virtual machine; a million plants take a tenth
+_MAX_STEPS = 500_000_000  # steps of SQLite's virtual machine; a million plants take a tenth
 _MAX_VALUE_BYTES = 10_000_000
 _POINT, _MULTIPOINT = 1, 4  # kinds of geometries in well-known binary
 # Version 1, little-endian, no envelope, WGS-84; then a little-endian WKB point.
 _HEAD = b"GP\x00\x01" + WGS84_SRS.to_bytes(4, "little") + b"\x01\x01\x00\x00\x00"
 _COLUMN_TEXT = ", ".join(f'"{name}" {kind}' for name, kind in COLUMNS.items())
-# As QGIS makes it when it saves a style in a database.
+# Table that QGIS makes when it saves a style in a database.
 _STYLE_TABLE = """
 CREATE TABLE layer_styles (id INTEGER PRIMARY KEY AUTOINCREMENT, f_table_catalog TEXT(256),
   f_table_schema TEXT(256), f_table_name TEXT(256), f_geometry_column TEXT(256),

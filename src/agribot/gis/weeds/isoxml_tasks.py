@@ -38,10 +38,10 @@ NO_SPRAY, SPRAY = 0, 1  # codes of the treatment zones
 SETPOINT_RATE, ACTUAL_RATE, WORK_STATE = "0001", "0002", "008D"
 MM3PM2_PER_LPHA = 100
 _EPOCH = datetime(1980, 1, 1, tzinfo=UTC)
-_LAST = _EPOCH + timedelta(days=65535)  # they are counted in 16 bits
+_LAST = _EPOCH + timedelta(days=65535)  # last day that 16 bits can count
 _DAY_MS = 86_400_000
 _POSITION_UNITS_PER_DEG = 1e7
-_SPOT_S = 0.1  # from on to off
+_SPOT_S = 0.1  # time from on to off
 _UNNAMED_DEVICE = "A00E84000DE0DB6A"  # a NAME of the agricultural industry group, self-configured
 _PLANNED, _COMPLETED = "1", "4"
 

@@ -35,7 +35,7 @@ COLUMNS = {
 }  # fmt: skip
 MAX_PLANTS = 5_000_000
 CHUNK = 8192
-DEFAULT_STD_M = 0.1  # of a foreign map that does not say how well it knows its places
+DEFAULT_STD_M = 0.1  # default of a foreign map that states no accuracy of its places
 CLASSES = {PlantClass.WEED: "weed", PlantClass.CROP: "crop"}
 _DECIMALS = {**ROW_DECIMALS, "x_map_m": 4, "y_map_m": 4, "std_m": 5}
 DECISION_CODES = {name: code for code, name in enumerate(DECISIONS)}
@@ -68,7 +68,7 @@ def iterate_records(table: PlantTable) -> Iterator[list[Record]]:
 def _make_records(table: PlantTable, rows: Rows, evidence: _Evidence) -> list[Record]:
     frame, xy_m = table.frame, np.column_stack([rows["x_map_m"], rows["y_map_m"]])
     places = np.round(frame.lonlat_from_map(xy_m), DEGREE_DECIMALS)
-    xy_m = frame.map_from_lonlat(places)  # of the rounded place: a file read back is the same
+    xy_m = frame.map_from_lonlat(places)  # place after rounding: a file read back is the same
     columns: dict[str, list[Any]] = {
         "id": (
             rows["group"] + 1 if table.is_merged or len(table.maps) > 1 else rows["id"]

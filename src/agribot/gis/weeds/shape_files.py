@@ -16,9 +16,9 @@ from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, iterate_records
 
 PARTS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
-# dBASE has ten letters for a name. What does not fit into a field is left out: the evidence.
+# Names of ten letters for dBASE. The evidence does not fit into a field and is left out.
 _SHORT = {"first_seen_s": "first_s", "last_seen_s": "last_s"}
-# As GDAL shortens them.
+# Names as GDAL shortens them.
 _CUT = {name[:10]: name for name in COLUMNS if len(name) > 10}
 _LONG = _CUT | {short: name for name, short in _SHORT.items()}
 _NAMES = tuple(name for name in COLUMNS if name != "evidence")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from xml.etree import ElementTree
 
-# As in the report: weeds red, treated ones filled green-blue, crop green.
+# Colours of the report: weeds red, treated ones filled green-blue, crop green.
 STYLES = {
     "crop": "#2c9a47",
     "weed": "#d6382b",

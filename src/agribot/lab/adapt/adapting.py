@@ -33,7 +33,7 @@ TAUGHT, NOTE = "taught", "taught.json"
 
 
 class Taught(msgspec.Struct, frozen=True, kw_only=True):
-    """What rows taught, as it stands beside the pictures: a second call goes on with it.
+    """Results of rows beside the pictures: a second call goes on with them.
 
     `files` is a digest of the names and sizes of the source's files.
     """
@@ -48,7 +48,7 @@ class Taught(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Adaptation(msgspec.Struct, frozen=True, kw_only=True):
-    """What an adaptation saw and brought; the figures are of pictures that it did not learn from.
+    """Results of an adaptation; the figures are of pictures that it did not learn from.
 
     `cpu_s` is that of all calls that it took.
     """
@@ -65,7 +65,7 @@ class Adaptation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wanted(NamedTuple):
-    """What to adapt to, with which network, and where to write the weights."""
+    """Pictures to adapt to, the network, and the file of the weights."""
 
     source: Path
     base: str
@@ -77,7 +77,7 @@ class Wanted(NamedTuple):
 class Listener(NamedTuple):
     """Receives progress: lines of text, and counts of pictures."""
 
-    tell: Callable[[str], None]
+    show_line: Callable[[str], None]
     start_count: Callable[[int], Callable[[int], None]]
 
 
@@ -94,7 +94,7 @@ def adapt(wanted: Wanted, listener: Listener) -> Adaptation:
     training = FieldTraining(base, folder, wanted.seed)
     taught = _teach_once(wanted, base, folder, listener)
     pairs, choosing, aside = _part(folder / TAUGHT)
-    listener.tell(
+    listener.show_line(
         f"{taught.rows_seen} of {taught.pictures} pictures show rows; {len(choosing)} of them "
         f"choose the best network, {len(aside)} judge it, and {len(pairs)} teach"
     )
@@ -104,7 +104,7 @@ def adapt(wanted: Wanted, listener: Listener) -> Adaptation:
     # Judging again costs about as much as what was done since the rows were found.
     spent_s = 2.0 * (earlier_s + time.process_time()) - taught.cpu_s
     budget = _leave(wanted.budget, spent_s / 60.0)
-    trained = training.run(pairs, choosing, budget, size_px, wanted.out, listener.tell)
+    trained = training.run(pairs, choosing, budget, size_px, wanted.out, listener.show_line)
     adapted = Segmenter(wanted.out)
     return Adaptation(
         pictures=taught.pictures,
@@ -199,7 +199,7 @@ def _digest(source: Path) -> str:
 
 
 def _teach(wanted: Wanted, base: Path, folder: Path, listener: Listener, note: Taught) -> Taught:
-    shutil.rmtree(folder / TAUGHT, ignore_errors=True)  # of a call that was stopped
+    shutil.rmtree(folder / TAUGHT, ignore_errors=True)  # labels of a call that was stopped
     started_s = time.process_time()
     is_drive = not wanted.source.is_dir() or find_recording(wanted.source).exists()
     see = _see_drive if is_drive else _see_photographs

@@ -22,7 +22,7 @@ from agribot.lab.train.judged_figures import BALANCED
 from agribot.lab.train.standing import Judgement
 from agribot.lab.train.validation import shrink_pair
 
-OFFSETS = np.linspace(-2.0, 2.0, 41)  # of the logit of weed
+OFFSETS = np.linspace(-2.0, 2.0, 41)  # offsets of the logit of weed
 
 
 class BalanceJudge:

@@ -31,16 +31,17 @@ from agribot.lab.train.photo_source import draw_plants, mix_with_plants
 from agribot.lab.train.photographs import Pair, PairFiles, read_pair
 from agribot.lab.train.start import recognise_architecture
 
-# Of weed, crop and soil: with equal ones everything becomes crop, since weeds between rows are few.
+# Weights of weed, crop and soil: with equal ones everything becomes crop, since weeds between rows
+# are few.
 FIELD_WEIGHTS = (12.0, 1.0, 0.6)
 BATCH_SIZE, CROP_PX, LEARNING_RATE, WARMUP_STEPS, EMA_DECAY = 6, 384, 1e-3, 30, 0.98
 CHECKPOINT_EVERY = 25  # steps, after which the network is judged, too
-LEARN_SHARE = 0.8  # of the CPU time of a training; the rest judges
+LEARN_SHARE = 0.8  # share of a training's CPU time that learns; the rest judges
 STEM_VIEWS, VIEWS_IN_BATCH = 32, 1  # drawn, from which a network that finds stems remembers them
 
 
 class Budget(NamedTuple):
-    """How long a training takes: CPU minutes, or steps where they are given."""
+    """Budget of a training: CPU minutes, or steps where they are given."""
 
     minutes: float
     steps: int | None = None

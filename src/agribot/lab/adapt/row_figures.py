@@ -18,8 +18,8 @@ from agribot.lab.rows.labelled import Regions
 from agribot.lab.rows.scores import NameScores, Shares, share
 from agribot.lab.train.data import LabelledImage
 
-LOWER_RATIO = 0.7  # of the height of a picture, in which plants are judged
-SHEET_WIDTH_PX = 360  # of each picture of a sheet
+LOWER_RATIO = 0.7  # lower share of a picture's height, in which plants are judged
+SHEET_WIDTH_PX = 360  # width of each picture of a sheet
 TINTS = {PlantClass.WEED: (255, 40, 40), PlantClass.CROP: (40, 220, 60)}
 TINT_SHARE = 0.55
 

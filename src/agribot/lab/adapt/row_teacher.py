@@ -32,7 +32,7 @@ from agribot.record.picture_files import reduce_width
 
 Progress = Callable[[int], None]
 
-MOST_WIDTH_PX = 1024  # of a picture to learn from; a larger one is reduced
+MOST_WIDTH_PX = 1024  # width of a picture to learn from; a larger one is reduced
 SMOOTH_PX = 1.0  # standard deviation of the blur before greenness is measured
 SOIL_GREEN, PLANT_GREEN = 0.06, 0.1  # excess of green below and above which pixels are named
 ON_ROW, BETWEEN_ROWS = 0.2, 0.36  # distances from a row's line in spacings

@@ -31,14 +31,14 @@ from agribot.lab.train.evaluate import CLASS_NAMES, Scores, compute_scores
 
 Confusion = npt.NDArray[np.int64]
 FARM = "farm"
-PRESET = "field"  # of the ground, the plants' places and the camera's mount
+PRESET = "field"  # preset of the ground, the plants' places and the camera's mount
 BEET = "beet"
-# What the network must hold on the beet field, pooled over its drives.
+# Least IoU of the network on the beet field, pooled over its drives.
 LEAST_IOU = {"weed": 0.70, "crop": 0.85}
 
 
 def _make_sun(height_deg: float, diffuse: float, ambient: float) -> Light:
-    """From the side of the rows, which run north."""
+    """Make a sun from the side of the rows, which run north."""
     height_rad, turn_rad = math.radians(height_deg), math.radians(-20.0)
     across = math.cos(height_rad)
     return Light(
@@ -97,7 +97,7 @@ def run_conditions(
     wanted: Sequence[Condition],
     seconds: float,
     model: str = DEFAULT_MODEL,
-    tell: Callable[[str], None] = lambda line: None,
+    show_line: Callable[[str], None] = lambda line: None,
     preset: str = PRESET,
 ) -> dict[str, Any]:
     """Drive each condition for the given simulated seconds.
@@ -108,7 +108,7 @@ def run_conditions(
     drives = []
     for condition in wanted:
         drives.append(_drive(condition, seconds, model, preset))
-        tell(_format_line(_format_name(condition), drives[-1].scores))
+        show_line(_format_line(_format_name(condition), drives[-1].scores))
     pooled = {name: _pool(drives, name) for name in dict.fromkeys(c.field for c in wanted)}
     return {
         "model": model,

@@ -66,7 +66,7 @@ class DenseView:
 
         world, camera = dense_field(is_hilly, is_rough), load_robot().camera
         surface = build_ground_surface(world)
-        assert camera is not None  # of our own robot
+        assert camera is not None  # the packaged robot has a camera
         at = np.array([[-18.0, 0.0, 0.0]])
         up_m = height_m + float(sample_ground_heights(world, at, surface)[0])
         pose = transform((-18.0, 0.0, up_m), (0.0, math.radians(down_deg), 0.02))

@@ -85,8 +85,8 @@ def _describe_crushed(row: FaultRow) -> str:
         (row.crushed_after_standstill, "after rest"),
         (row.crushed_by_fault, "set down on"),
     )
-    told = ", ".join(f"{count} {words}" for count, words in parts if count)
-    return f"{row.crushed_after}: {told}" if told else str(row.crushed_after)
+    causes = ", ".join(f"{count} {words}" for count, words in parts if count)
+    return f"{row.crushed_after}: {causes}" if causes else str(row.crushed_after)
 
 
 def _format(value: float | None, scale: float, unit: str, digits: int) -> str:
@@ -105,13 +105,13 @@ def describe_result(result: Mapping[str, Any]) -> str:
         f"Of {result['faults']} faults on {result['seeds']} seeds the robot noticed "
         f"{_format(result['detected_ratio'], 100.0, ' %', 0)} and named the part of "
         f"{_format(result['named_ratio'], 100.0, ' %', 0)}, as one of two of "
-        f"{_format(result['one_of_two_ratio'], 100.0, ' %', 0)}. {result['harmless']} times nobody "
-        "noticed and nothing came of it; of the others it noticed "
+        f"{_format(result['one_of_two_ratio'], 100.0, ' %', 0)}. {result['harmless']} times the "
+        "fault stayed unnoticed and without effect; of the others it noticed "
         f"{_format(result['harmful_detected_ratio'], 100.0, ' %', 0)}, named "
         f"{_format(result['harmful_named_ratio'], 100.0, ' %', 0)}, and "
         f"{_format(result['harmful_one_of_two_ratio'], 100.0, ' %', 0)} as one of two.\n"
         f"Crushed after a fault: {_format(result['crushed_ratio'], 100.0, ' %', 3)} of the plants, "
-        f"of which {result['crushed_after_detectable']} after the robot had noticed or could have, "
+        f"{result['crushed_after_detectable']} of them after the robot had noticed or could have, "
         f"and {result['crushed_by_fault']} where hands set it down. Outside the field at most "
         f"{_format(result['outside_m_max'], 1.0, ' m', 2)}; {result['stops_too_long']} stops took "
         f"more than the drive promises; the {without}\n"

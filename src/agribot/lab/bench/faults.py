@@ -19,13 +19,13 @@ from agribot.lab.sweep.plan import SweepJob, read_seeds
 from agribot.sim.faults.schedule import parse_fault, read_faults
 from agribot.sim.faults.table import FAULTS
 
-PRESET = "field"  # how the world differs from its map and from seed to seed
+PRESET = "field"  # differences of the world from its map and from seed to seed
 AFTER_S = 45.0
 STANDS_S = 5.0  # a robot that stands for this time and waits for a person has ended
 STANDING_MPS = 0.02
 IN_ROW_S = {"rows-10x12": 20.0, "farm": 32.0, "hills": 32.0, "beet": 20.0}
 DEFAULT_SEEDS = "1-5"
-# What happens to the motor board, to what is wired to it and to its line.
+# Faults of the motor board, of the parts wired to it and of its line.
 BELOW_THE_STACK = (
     "imu",
     "mag",
@@ -44,8 +44,8 @@ PLATFORMS = ("sim", "firmware")
 ENDED = "ended by an error: "
 # Time until the robot holds evidence of a fault, s; crops crushed after it are avoidable.
 DETECTABLE_S = {"gnss.drift": 10.0, "battery.empty": 5.0, "obstacle.unmapped": 5.0}
-DETECTABLE_IN_S = 3.0  # of all others
-# With two sensors that lie at once, the cases that are looked at one by one.
+DETECTABLE_IN_S = 3.0  # time limit of all others
+# Cases of two sensors that lie at once, judged one by one.
 SPECIAL = ("gnss.wrong_fix=0.2", "gnss.wrong_fix=0.4", "gnss.wrong_fix=1", "gnss.frozen",
            "gnss.drift=0.05", "start.aside=1", "start.turned=30", "crop.gap=5")  # fmt: skip
 
@@ -63,7 +63,7 @@ class FaultScenario(NamedTuple):
     lasts_s: float | None = None
     is_detectable: bool = True
     also: str = ""  # a second fault in the same moment
-    platform: str = "sim"  # or `firmware`, the simulator on the motor board's real program
+    platform: str = "sim"  # `sim`, or `firmware`, the simulator on the motor board's real program
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ class FaultScenario(NamedTuple):
 
     @property
     def detectable_in_s(self) -> float:
-        """How soon after its begin the sensors on board hold evidence of the fault."""
+        """Time from its start until the sensors on board hold evidence of the fault."""
         names = [fault.partition("=")[0] for fault in self.faults]
         return max((DETECTABLE_S.get(name, DETECTABLE_IN_S) for name in names), default=0.0)
 
@@ -266,8 +266,8 @@ def drive_scenario(assignment: Assignment, stop: Stop) -> RunOutcome | None:
                 if stood > STANDS_S:
                     break
         except Exception as error:  # noqa: BLE001  what a fault may do to the program is a result
-            is_told = isinstance(error, AgribotError)
-            why = str(error) if is_told else f"program error: {type(error).__name__}: {error}"
+            is_known = isinstance(error, AgribotError)
+            why = str(error) if is_known else f"program error: {type(error).__name__}: {error}"
             session.clock.stop()
         session.stack.perception.settle()
         report = report_card(session, f"{ENDED}{why}" if why else "")

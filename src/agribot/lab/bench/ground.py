@@ -30,7 +30,7 @@ SLOPES = {
 TRACTION = 0.4
 ROUGH = Relief(
     seed=1, roughness_rms_m=0.014, clods_per_m2=25.0, clod_height_m=0.04
-)  # of a tilled field
+)  # the relief of a tilled field
 SHAKEN_S, TURN_S = 20.0, 4.0
 YAW_RATE_RADPS = 0.6
 REPEATS = 5
@@ -66,9 +66,9 @@ class Drive(NamedTuple):
 
 
 def measure(
-    soil_class: SoilClass, moisture_ratio: float, tell: Callable[[str], None]
+    soil_class: SoilClass, moisture_ratio: float, show_line: Callable[[str], None]
 ) -> dict[str, Any]:
-    """Measure all slopes; `tell` gets a line for each."""
+    """Measure all slopes; `show_line` gets a line for each."""
     from agribot.description.loader import load_robot
 
     robot, strength = (
@@ -76,12 +76,12 @@ def measure(
         SoilStrength(soil_class=soil_class, moisture_ratio=moisture_ratio),
     )
     powers, drives = {}, {}
-    tell(f"{soil_class} soil, moisture {moisture_ratio:g}, {SPEED_MPS} m/s")
-    tell("slope      power  battery   slip   crab   gross/net")
+    show_line(f"{soil_class} soil, moisture {moisture_ratio:g}, {SPEED_MPS} m/s")
+    show_line("slope      power  battery   slip   crab   gross/net")
     for name, (degrees, yaw_rad) in SLOPES.items():
         drive = drives[name] = drive_slope(robot, strength, degrees, yaw_rad)
         powers[name] = drive.gross_w / abs(drive.net_w)
-        tell(
+        show_line(
             f"{name:9} {drive.net_w:5.2f} W {drive.drawn_w:6.1f} W {100 * drive.slip_ratio:5.1f} % "
             f"{math.degrees(drive.crab_rad):5.2f}° {powers[name]:7.3f}"
         )
@@ -103,7 +103,7 @@ def measure(
     }
     for name in ("slip_at_traction_0.4", "side_slip_deg_15", "separation_ratio", "roll_rms_deg",
                  "pitch_rms_deg", "physics_rtf_cpu"):  # fmt: skip
-        tell(f"{name}: {result[name]}")
+        show_line(f"{name}: {result[name]}")
     return result
 
 

@@ -48,7 +48,7 @@ class BandShare(NamedTuple):
 
 
 class ToolOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """What a tool met: weeds by their distance, up to each of BANDS_M and farther off."""
+    """Results of a tool: weeds by their distance, up to each of BANDS_M and farther off."""
 
     names: str
     rule: str

@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from agribot.app.simulated_run import SimulatedRun
 
 PROFILE, PRESET = "farm", "field"
-WIDTH_M = 1.0  # of a pass: the path in m is about the area in m²
+WIDTH_M = 1.0  # width of a pass: the path in m is about the area in m²
 MARGIN_M = 0.3
 INSIDE_M = 5.0  # distance of the start from two edges
 LEAST_KM = 0.05
-TOLD_EVERY_S = 5.0
-MOST_CHARGES = 100  # of a mission of 100 km at most; a charge carries some 11 km
+REPORT_PERIOD_S = 5.0
+MOST_CHARGES = 100  # charges of a mission of 100 km at most; a charge carries some 11 km
 FIXED = (
     "world=empty", "field.start_map_m=[0,0]", f"sim.preset={PRESET}", "sim.sensors=rtk",
     "perception.enabled=false", "record.enabled=false",
@@ -156,22 +156,22 @@ def _name_part(out_dir: Path, number: int) -> Path:
     return out_dir.with_name(f"{out_dir.name}.{number}")
 
 
-class WayToldNow:
+class ProgressLine:
     """Says, every few seconds, how far the missions that are on their way have come."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
         self._folders = folders
-        self._told_s = read_clock()
+        self._reported_s = read_clock()
 
     def __call__(self) -> str:
         """Return the ways, or nothing where it is not yet time."""
-        if read_clock() - self._told_s < TOLD_EVERY_S:
+        if read_clock() - self._reported_s < REPORT_PERIOD_S:
             return ""
-        self._told_s = read_clock()
-        return ", ".join(filter(None, map(_tell_way, self._folders)))
+        self._reported_s = read_clock()
+        return ", ".join(filter(None, map(_describe_progress, self._folders)))
 
 
-def _tell_way(out_dir: Path) -> str:
+def _describe_progress(out_dir: Path) -> str:
     saved = _read_last(out_dir)
     return f"{saved.s_m / 1000.0:.2f} of {saved.length_m / 1000.0:.2f} km" if saved else ""
 

@@ -10,13 +10,13 @@ import msgspec
 from agribot.lab.sweep.plan import SweepJob, plan
 from agribot.lab.sweep.tables import pooled_rms_m
 
-# Missions are not recorded; repeat a failed run with a recording.
+# Settings of every mission; without recordings: repeat a failed run with one.
 FIXED = ("record.enabled=false",)
-PRESET = "field"  # of the world, unless another one is asked for
+PRESET = "field"  # preset of the world, unless another one is asked for
 
 
 class Weeding(NamedTuple):
-    """What a series must hold: shares of true crops mapped and of true weeds treated, at least.
+    """Requirements of a series: shares of true crops mapped and of true weeds treated, at least.
 
     No crop may be hit, and the sprayed share of the rows' ground has an upper limit.
     """

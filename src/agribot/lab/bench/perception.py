@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 HEIGHT_PX, WIDTH_PX = 384, 512
-PICTURE_SHAPE = (480, 640, 3)  # of the robot's camera
-# The original's network comes last: everything else is compared with it.
+PICTURE_SHAPE = (480, 640, 3)  # shape of the robot's camera
+# Network of the original; it comes last: everything else is compared with it.
 ORIGINAL = "original-bonnet"
 INT8 = " int8"
 NETWORKS = (
@@ -26,7 +26,7 @@ NETWORKS = (
     "original-unet",
     ORIGINAL,
 )
-CALIBRATION_IMAGES = 2  # of noise: enough to time, not to be accurate
+CALIBRATION_IMAGES = 2  # images of noise: enough to time, not to be accurate
 
 
 def time_networks(

@@ -39,10 +39,10 @@ from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 PRESET = "field"
 FRAMES = 12
 MAX_RANGE_M = PerceptionConfig().max_range_m
-LEAST_PX = 30  # fewer pixels show no plant: neither in truth nor in an answer
-FRAMES_PER_FIELD = 4  # then the next one is drawn, in other light and on other ground
-PLACES_M = (0.0, 4.0)  # along the row, so that there is row ahead
-ASIDE_STD_M, TURN_STD_RAD = 0.03, 0.04  # of a robot that follows the row
+LEAST_PX = 30  # pixels of a visible plant; fewer show none: neither in truth nor in an answer
+FRAMES_PER_FIELD = 4  # frames before the next field is drawn, in other light and on other ground
+PLACES_M = (0.0, 4.0)  # places along the row, with row ahead
+ASIDE_STD_M, TURN_STD_RAD = 0.03, 0.04  # errors of a robot that follows the row
 
 Mask = npt.NDArray[np.bool_]
 
@@ -72,7 +72,7 @@ def judge_scenes(
     frames: int = FRAMES,
     seed: int = 0,
     max_range_m: float = MAX_RANGE_M,
-    tell: Callable[[str], None] = lambda line: None,
+    show_line: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Any]:
     """Judge a network on the same number of frames per scene: pooled, and `by` scene.
 
@@ -83,15 +83,15 @@ def judge_scenes(
     robot, segmenter = load_robot(), Segmenter(model, config.threads)
     pooled = PlantTally()
     rows = []
-    tell(format_head())
+    show_line(format_head())
     for scene in scenes:
         tally = _judge_scene(scene, robot, segmenter, config, preset, frames, seed)
         scores = tally.compute_scores()
         rows.append({**msgspec.to_builtins(scene), "frames": frames, **msgspec.to_builtins(scores)})
-        tell(format_line(scene.name, scores))
+        show_line(format_line(scene.name, scores))
         pooled.add(tally)
     scores = pooled.compute_scores()
-    tell(format_line("all", scores))
+    show_line(format_line("all", scores))
     return {
         "model": model,
         "preset": preset,
@@ -199,7 +199,8 @@ def find_truth(
         & _is_in_view(camera_m, lookup.camera)
     )
     every = PlacedPlants(body_m[:, :2], kind)
-    number = np.zeros(len(world.plants) + 1, dtype=np.int64)  # of instance -1, the last, none
+    # Number of instance -1, the last, means none.
+    number = np.zeros(len(world.plants) + 1, dtype=np.int64)
     number[shown[is_wanted]] = np.arange(1, int(is_wanted.sum()) + 1)
     segments = PlantSegments(number[instance], every.kind[is_wanted])
     is_near = np.nan_to_num(lookup.range_m, nan=np.inf) <= lookup.max_range_m

@@ -20,7 +20,7 @@ Variant = tuple[str, str]  # names, rule
 
 
 class SideTool:
-    """What decides for a tool, the map that it works by, and what it does to a field of its own."""
+    """Controller of a tool, its map, and its effect on a field of its own."""
 
     def __init__(self, treatment: Treatment, weed_map: WeedMap, effect: ImplementEffect) -> None:
         self.effect = effect

@@ -37,9 +37,9 @@ class Figure(NamedTuple):
 
 
 def measure(
-    names: Sequence[str] = (), tell: Callable[[str], None] = lambda line: None
+    names: Sequence[str] = (), show_line: Callable[[str], None] = lambda line: None
 ) -> dict[str, Any]:
-    """Measure the named figures, or all, one after the other; `tell` gets a line for each.
+    """Measure the named figures, or all, one after the other; `show_line` gets a line for each.
 
     Missions stand beside physics alone of the same run: a machine has another speed every hour.
     """
@@ -49,7 +49,7 @@ def measure(
     measured: dict[str, float | None] = {}
     for name in wanted:
         measured[name] = FIGURES[name].measure()
-        tell(_describe(name, measured))
+        show_line(_describe(name, measured))
     return {"cpus": os.cpu_count(), "machine": platform.machine(), **_nest(measured)}
 
 
@@ -115,7 +115,7 @@ def measure_render_ms() -> float:
 
     robot, renderer = load_robot(), CameraRenderer(load_world("Farm"))
     camera = robot.camera
-    assert camera is not None  # of our own robot
+    assert camera is not None  # the packaged robot has a camera
     pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, math.pi / 2)) @ robot.body_from_camera()
     return 1e3 * measure_cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from agribot.ui.robot_side.operator_page import OperatorPage
 
 WARM_UP_S = 3.0
-SETTLE_S = 20.0  # until buffers have their size
+SETTLE_S = 20.0  # time until buffers have their size
 SLOW_MPS = 0.15
 GOOD_MBIT_PER_S, GOOD_AGE_S = 10.0, 0.25
 
@@ -44,7 +44,7 @@ class MemoryGrowth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkDelay(msgspec.Struct, frozen=True, kw_only=True):
-    """How old states and pictures are where one page sees the robot over a slow connection."""
+    """Age of states and pictures on one page over a slow connection."""
 
     mbit_per_s: float
     state_hz: float

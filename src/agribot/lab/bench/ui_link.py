@@ -19,8 +19,8 @@ from agribot.lab.bench.ui_clients import connect_page
 from agribot.ui import wire
 
 DELAY_S = 0.02  # each way
-PIECE_BYTES = 1460  # of a TCP segment over Ethernet
-LINE_BYTES = 16_384  # that wait in the radio before it takes no more
+PIECE_BYTES = 1460  # payload of a TCP segment over Ethernet
+LINE_BYTES = 16_384  # bytes that wait in the radio before it takes no more
 SETTLE_S = 8.0
 
 

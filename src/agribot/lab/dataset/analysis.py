@@ -13,7 +13,7 @@ from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.dataset.layouts import Item
 
 GRID = (24, 32)  # rows and columns of the map of where plants are in a picture
-GREEN_STRIDE_PX = 8  # of the pixels whose greenness is measured
+GREEN_STRIDE_PX = 8  # stride of the pixels whose greenness is measured
 
 
 class PictureCounts(msgspec.Struct, frozen=True, kw_only=True):

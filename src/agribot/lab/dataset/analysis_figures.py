@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 INKS = {"weed": RED, "crop": GREEN, "soil": BLUE}
 BINS = 30
-LEAST_SHARE = 1e-4  # of a class in a picture, on the axis of the histogram
-MOST_NAMES = 40  # of sets below an axis
+LEAST_SHARE = 1e-4  # least share of a class in a picture, on the axis of the histogram
+MOST_NAMES = 40  # names of sets below an axis
 WHOLE = "all"  # name of a set that is no part of a collection
 
 

@@ -23,7 +23,7 @@ VALUE_MODES = {"L", "LA", "1", *DEEP_MODES}
 COLOUR = 1 << 24  # marks a key of ids as a colour
 MOST_NAMED = 8  # values or colours
 MOST_VALUE = 0xFFFF
-MANY_COLOURS = 64  # no tool has that many classes
+MANY_COLOURS = 64  # number of colours that no tool has classes for
 # Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
 COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
 NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}
@@ -35,9 +35,9 @@ ALL_IGNORED = "every pixel is ignored; label some of the picture, or move the ma
 USUAL_COLOURS = "red weed, green crop, black or blue soil"
 
 MOST_WEED_RATIO = 0.5
-# In every photograph of CWFID (red and near infrared) and Carrot-Weed (ordinary light) and every
-# simulated picture plants are greener than soil by 0.27 to 0.74. A set is doubted where its soil is
-# greener than its plants by this much.
+# Least surplus of the plants' greenness over the soil's. In every photograph of CWFID (red and near
+# infrared) and Carrot-Weed (ordinary light) and every simulated picture plants are greener than
+# soil by 0.27 to 0.74; a set below this is doubted.
 GREENER = 0.05
 LEAST_SAMPLES = 50
 SAMPLE_STRIDE_PX = 4

@@ -42,9 +42,9 @@ from agribot.sim.seedling_scenes import (
     to_red_infrared,
 )
 
-# Keeps these fields apart from the ones that networks are trained and judged on.
+# Number that keeps these fields apart from the ones that networks are trained and judged on.
 STREAM = 211
-DEVELOPED = 1_000_003  # no view of a field has this number
+DEVELOPED = 1_000_003  # number that no view of a field has
 Developer = Callable[[ByteArray, np.random.Generator], ByteArray]
 Pixels = ByteArray | npt.NDArray[np.uint16]
 MOST_INSTANCES = 65535
@@ -58,7 +58,7 @@ def _keep_colours(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 class Scenes(NamedTuple):
-    """How the pictures of a variety are drawn; `developed` turns the colours into its bands."""
+    """Recipe of a variety's pictures; `developed` turns the colours into its bands."""
 
     field: Callable[[np.random.Generator], WorldSpec]
     look: Callable[[np.random.Generator], Appearance]

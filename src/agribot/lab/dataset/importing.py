@@ -39,7 +39,7 @@ from agribot.lab.dataset.pictures import PictureError, read_picture
 from agribot.lab.dataset.placement import PlacementTally
 
 FORMATS = ("labelme", "coco", "cvat", "yolo", "label-studio")
-SUFFIX = {"cvat": ".xml", "yolo": ".txt"}  # of the files in a folder; the others are .json
+SUFFIX = {"cvat": ".xml", "yolo": ".txt"}  # suffixes of the files in a folder; the others are .json
 MAX_FILE_BYTES = 500_000_000
 NAME_FILES = ("data.yaml", "dataset.yaml", "data.yml", "classes.txt", "obj.names")
 # Beside the labels of a folder: names of classes, lists of pictures, and texts about the set, as of
@@ -53,7 +53,7 @@ EXAMPLE = "--classes crop=beet,maize weed=*"
 
 
 class ImportReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the files; `shapes` counts those of each name in the tool.
+    """Result of an import; `shapes` counts those of each name in the tool.
 
     `without_area` are shapes that were left out of pictures that were taken.
     """
@@ -229,7 +229,7 @@ def _check_names(sources: Sequence[LabelFile], meaning: Mapping[str, int]) -> No
     unknown = [] if ANY in meaning else sorted(counts.keys() - meaning.keys())
     if unknown:
         raise ConfigError(
-            f"the labels have classes that nobody explained: {', '.join(unknown)}; say what each "
+            f"the labels have classes without a meaning here: {', '.join(unknown)}; say what each "
             f"is, such as {EXAMPLE}"
         )
 
@@ -240,12 +240,12 @@ class _Writer:
     def __init__(self, folder: Path, meaning: Mapping[str, int], problems: list[str]) -> None:
         self.folder, self.meaning, self.problems = folder, meaning, problems
         self.keys: dict[str, Path] = {}
-        self.shapes: dict[str, Counter[str]] = {}  # of each picture that was written
+        self.shapes: dict[str, Counter[str]] = {}  # shapes of each written picture
         self.unlabelled: list[str] = []
         self.without_area: list[str] = []
         self._placement = PlacementTally()
         self._contrasts: list[float] = []
-        shutil.rmtree(folder, ignore_errors=True)  # of an import that was killed
+        shutil.rmtree(folder, ignore_errors=True)  # files of an import that was killed
 
     def add(self, picture: LabelledPicture, index: PictureIndex) -> None:
         try:

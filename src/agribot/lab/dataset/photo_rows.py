@@ -40,7 +40,7 @@ LEAST_IN_ROW, LEAST_GATHERED, MOST_IN_SECOND, APART_BINS = 0.4, 2.0, 0.5, 33
 HALF_ROW_RATIO = (0.02, 0.2)
 EDGE_RATIO = 0.25  # the row ends where the profile across it falls to this part of its height
 REACH_RATIO = 1.6  # reach of the row's leaves from its line, in half widths
-SURE = round(0.6 * 255)  # as confident the network has to be
+SURE = round(0.6 * 255)  # least confidence of the network
 
 
 class PhotoRow(NamedTuple):

@@ -42,12 +42,12 @@ NEEDED = (
     "Give pictures from straight above with one row in each, all down the pictures or all across "
     "them; try another --model, or label some by hand (agribot label)"
 )
-PASSES = 3  # over all pictures: which way the rows run, where each one does, what it shows
+PASSES = 3  # passes over all pictures: the rows' direction, their places, their contents
 Progress = Callable[[int], None]
 
 
 class RowsOfSet(NamedTuple):
-    """How the rows of a set run: their direction, how wide they are, and how far all lean aside."""
+    """Rows of a set: their direction, their width, and the lean of all."""
 
     direction: RowDirection
     band: int
@@ -55,7 +55,7 @@ class RowsOfSet(NamedTuple):
 
 
 class PhotoLabelReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the photographs; shares are of the pixels of those that were labelled."""
+    """Result for the photographs; shares are of the pixels of those that were labelled."""
 
     folder: str
     pictures: int

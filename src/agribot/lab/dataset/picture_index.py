@@ -10,7 +10,7 @@ from agribot.lab.dataset.foreign.shapes import LabelFileError
 from agribot.lab.dataset.pictures import SUFFIXES
 
 MOST_FILES = 200_000
-UPLOAD = re.compile(r"^[0-9a-f]{8}-")  # what Label Studio puts before the name of an upload
+UPLOAD = re.compile(r"^[0-9a-f]{8}-")  # prefix of an upload's name in Label Studio
 
 
 class PictureIndex:

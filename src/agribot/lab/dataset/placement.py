@@ -23,23 +23,23 @@ Grid = npt.NDArray[np.float64]
 
 # Largest accepted share of misplaced pictures among those that can be judged.
 MOST_MISPLACED_RATIO = 0.25
-MOST_SIDE_PX = 1024  # of larger pictures every second, third ... pixel is looked at
-SIDE_PX = 192  # of the grid on which pictures and labels are compared
-SURROUNDINGS_RATIO = 6.0  # of the longer side, 1 sigma of what counts as surroundings
+MOST_SIDE_PX = 1024  # largest side; of larger pictures every second, third ... pixel is looked at
+SIDE_PX = 192  # side of the grid on which pictures and labels are compared
+SURROUNDINGS_RATIO = 6.0  # surroundings over the longer side, 1 sigma
 # Measured on 114 photographs of CWFID, Carrot-Weed and Peanut and 72 drawn ones, as they are and
 # with the labels of the next picture, mirrored, turned and shifted by 3 %:
-LEAST_SIGMAS = 2.5  # as they are at least 3.4
-LEAST_PEAK_RATIO = 0.7  # of the best shifted place; as they are at least 0.82
-BETTER_RATIO = 1.75  # by which another place fits better; as they are at most 0.57 of their own
-CLEAR_SIGMAS = 6.0  # of a place that is named
-ON_GREEN_RATIO = 0.5  # of the plant pixels: few plants of many may be labelled
+LEAST_SIGMAS = 2.5  # least distance in sigmas; measured: 3.4 and more
+LEAST_PEAK_RATIO = 0.7  # least ratio to the best shifted place; measured: 0.82 and more
+BETTER_RATIO = 1.75  # ratio by which another place fits better; measured: 0.57 of their own at most
+CLEAR_SIGMAS = 6.0  # sigmas of a place in a message
+ON_GREEN_RATIO = 0.5  # share of the plant pixels: few plants of many may be labelled
 # Pictures without green plants, such as grey ones, say nothing.
 LEAST_GREEN_STEP = 0.1
 LEAST_SMOOTHNESS = 0.3  # correlation of neighbouring places
 NOWHERE = "they fit no place in it better than a random one"
 MOST_NAMED = 3
 NEIGHBOURS = 50  # pictures before and behind, whose labels these may be
-_TURNS: Mapping[str, tuple[int, bool]] = {  # quarter turns to the left, then mirrored
+_TURNS: Mapping[str, tuple[int, bool]] = {  # quarter turns to the left, then mirrored or not
     "mirrored left to right": (0, True),
     "mirrored upside down": (2, True),
     "turned by 180 degrees": (2, False),
@@ -104,7 +104,7 @@ class PlacementTally:
 
     @property
     def judged(self) -> int:
-        """How many pictures show plants, or labels that belong elsewhere."""
+        """Count of pictures that show plants, or labels that belong elsewhere."""
         return len(self._clear | self.misplaced.keys())
 
     @property

@@ -39,7 +39,7 @@ IMAGE = topics.IMAGE
 
 
 class RowLabelReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the pictures; shares are of the pixels of those that were labelled."""
+    """Result for the pictures; shares are of the pixels of those that were labelled."""
 
     folder: str
     pictures: int
@@ -97,7 +97,7 @@ class RecordedPictures:
             yield number, jpeg, pixels
 
 
-PASSES = 3  # over all pictures: how green they are, where their rows run, what they show
+PASSES = 3  # passes over all pictures: their greenness, their rows, their contents
 
 
 class _Counter:

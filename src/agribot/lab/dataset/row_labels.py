@@ -28,26 +28,27 @@ from agribot.lab.dataset.classes import UNLABELLED
 Mask = npt.NDArray[np.bool_]
 Green = npt.NDArray[np.float32]  # excess of green of pixels (H, W)
 
-# Beyond it a pixel covers more than a small leaf.
+# Distance beyond which a pixel covers more than a small leaf.
 FAR_M = 1.8
 # The robot follows the row of a picture that is taken; in a turn it looks across rows.
 MOST_OFFSET_M, MOST_HEADING_RAD = 0.25, math.radians(12.0)
 # Plants are what is greener than this, whatever the light: soil reaches 0.05, residue 0.1. Where
 # the pictures themselves part plants from soil elsewhere, they are believed between these limits.
 LEAST_GREEN, MOST_GREEN = 0.08, 0.3
-UNSURE_GREEN = 0.03  # as near to the threshold as that, a pixel is of nothing
-LEAST_PX = 12  # a smaller piece is noise
+UNSURE_GREEN = 0.03  # distance from the threshold within which a pixel is of nothing
+LEAST_PX = 12  # least size of a piece; a smaller one is noise
 THICKEN_PX = 9
-# Of a profile across the row: cells so wide, and the row ends where it falls to this part of its
-# height above what grows between the rows.
+# Profile across the row: width of its cells, their number, and the part of its height above the
+# growth between the rows at which the row ends.
 CELL_M, PROFILE_CELLS, EDGE_RATIO = 0.01, 35, 0.25
-LEAST_CONTRAST = 2.0  # of the cover on the row over that between the rows
-HALF_ROW_M = (0.03, 0.2)  # limits of what a profile may say
+LEAST_CONTRAST = 2.0  # contrast of the cover on the row over that between the rows
+HALF_ROW_M = (0.03, 0.2)  # limits of a row's half width by a profile
 LEAVES_RATIO = 1.6  # reach of the row's leaves from its line, in half widths
 CLEAR_M = 0.03  # clearance of a weed beyond that reach
-NEXT_ROW_RATIO = 1.5  # for the next row: its leaves are seen at a slant, and its line is not found
-LEAST_IN_ROW = 0.7  # of a piece; of a weed that reaches into the row less is
-LEAST_SHARE = 1.0 / 6.0  # of the middle size of what stands on a row; smaller may be a weed in it
+# Factor for the next row: its leaves are seen at a slant, and its line is not found.
+NEXT_ROW_RATIO = 1.5
+LEAST_IN_ROW = 0.7  # share of a piece in the row; a weed that reaches into the row has less
+LEAST_SHARE = 1.0 / 6.0  # share of the median size on a row; a smaller piece may be a weed in it
 
 
 class RowPicture(NamedTuple):
@@ -128,7 +129,7 @@ class RowLabeller:
 
 
 class GreenHistogram:
-    """How green the pixels of many pictures are: `add` each, then ask for the `threshold`."""
+    """Histogram of greenness over many pictures: `add` each, then ask for the `threshold`."""
 
     def __init__(self) -> None:
         self._edges = np.linspace(-0.5, 1.0, 257)
@@ -147,7 +148,7 @@ class GreenHistogram:
 
 
 class RowProfile:
-    """What grows across the row, over many pictures: `add` each, then ask for `half_row_m`."""
+    """Profile across the row, over many pictures: `add` each, then ask for `half_row_m`."""
 
     def __init__(self) -> None:
         self._grown, self._shown = np.zeros(PROFILE_CELLS), np.zeros(PROFILE_CELLS)

@@ -21,7 +21,7 @@ DAY = re.compile(r"(?<!\d)(?:20)?(\d\d)([-_]?)([01]\d)\2([0-3]\d)(?!\d)")
 
 
 class Proof(msgspec.Struct, frozen=True, kw_only=True):
-    """What was checked on the finished split: every list of leaks is empty in a good one."""
+    """Proof of the finished split: every list of leaks is empty in a good one."""
 
     images_total: int
     images_in_no_part: tuple[str, ...]

@@ -38,7 +38,7 @@ CLASSES = (*PlantClass, UNLABELLED)
 
 
 class _Judged(msgspec.Struct):
-    """How unsure a network was of the plants in each picture, for the next start."""
+    """The network's doubt of the plants in each picture, for the next start."""
 
     model: str
     doubt: dict[str, float]

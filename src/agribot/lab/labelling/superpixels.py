@@ -9,11 +9,13 @@ from PIL import Image, ImageFilter
 from agribot.core.messages import ByteArray
 
 Floats = npt.NDArray[np.float32]
-MOST_PX = 800_000  # beyond it the picture is looked at in a smaller size
+MOST_PX = 800_000  # size beyond which the picture is reduced
 MOST_PIECES = 60_000  # numbers of 16 bits
 ROUNDS = 4
-MEDIAN_PX = 3  # noise of a pixel makes no piece of its own, and edges stay sharp
-COMPACTNESS = 20.0  # how many levels of colour a piece's own width away from its centre count for
+# Size of the median: noise of a pixel makes no piece of its own, and edges stay sharp.
+MEDIAN_PX = 3
+# Levels of colour that count as much as a piece's own width away from its centre.
+COMPACTNESS = 20.0
 COLOUR_WEIGHTS = (0.7, 2.0, 0.6)  # light, excess of green, red against blue
 
 

@@ -8,7 +8,7 @@ from agribot.lab.rows.judge import describe_line, format_value
 
 
 class RowFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """What `agribot eval --data rows --json` reports; None where there is nothing to measure.
+    """Report of `agribot eval --data rows --json`; None where there is nothing to measure.
 
     `about` names the photographs.
     """

@@ -55,7 +55,7 @@ class PictureJudge:
 
 
 class RowJudge:
-    """What all pictures say together: `add` each, then `summarise`."""
+    """Figures of all pictures together: `add` each, then `summarise`."""
 
     def __init__(self) -> None:
         self.pictures = 0

@@ -22,7 +22,7 @@ from agribot.lab.dataset.pictures import PictureError, read_picture, resize_near
 Mask = npt.NDArray[np.bool_]
 
 SIDE_PX = 512  # width and height of the pictures that are judged
-TOP_PX = round(0.3 * SIDE_PX)  # plants above are too far away and are not judged
+TOP_PX = round(0.3 * SIDE_PX)  # rows above, whose plants are too far away and are not judged
 LEAST_GREEN = 0.10  # excess green of chromatic coordinates, of plants
 LINE_LEVEL = 127  # brightness of 255, of background
 ON_ROW_PX = 6  # distance from a labelled line, of plants on a row
@@ -30,7 +30,8 @@ LEAST_GAP_PX = 60  # width between two lines, of rows with a space between them
 MARGIN_RATIO = 0.36  # share of a gap on either side of its middle 28 %
 JOIN_PX = 8  # widest hole in a line that one picture row crosses
 MOST_WHITE_RATIO = 0.5  # share of a drawing that lines can cover
-SHAPE_TOLERANCE = 0.02  # between the width to height ratios of a photograph and its drawing
+# Tolerance between the width to height ratios of a photograph and its drawing.
+SHAPE_TOLERANCE = 0.02
 
 
 class RowPhoto(NamedTuple):

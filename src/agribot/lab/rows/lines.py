@@ -28,7 +28,7 @@ FOLLOW_PX = 14.0  # farthest step of a line from one picture row to the next
 # angle are assumed. Other values move the camera nearer or farther, not the line.
 # The finder gets the spacing, as a robot knows that of its field.
 ROW_SPACING_M, LENS_RAD = 0.5, math.radians(60.0)
-HIGHEST_HORIZON_PX = -40.0 * SIDE_PX  # of a camera that looks straight down
+HIGHEST_HORIZON_PX = -40.0 * SIDE_PX  # horizon of a camera that looks straight down
 LOWEST_HORIZON_PX = MIDDLE_PX - 1.0
 NEAREST_GROUND_M = 0.41  # ahead of the robot at the lower edge, as of the packaged robot
 MOST_RANGE_M = 4.0
@@ -156,7 +156,8 @@ class PhotoGround:
         self._k_px = spec.matrix()
         self._body_from_camera = _mount(camera, spec.focal_px)
         height_m = float(self._body_from_camera[2, 3])
-        self._farther = height_m / (height_m - FOLIAGE_M)  # than it is, foliage seems to be
+        # Factor by which foliage seems farther away than it is.
+        self._farther = height_m / (height_m - FOLIAGE_M)
         shape = (SIDE_PX, SIDE_PX)
         self._ground = GroundLookup(
             spec, self._body_from_camera, shape, MOST_RANGE_M, ROW_SPACING_M / self._farther

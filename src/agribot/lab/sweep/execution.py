@@ -66,7 +66,7 @@ def drive_run(job: SweepJob, begin: Callable[[], SimulatedRun], stop: Stop) -> R
 def _begin(assignment: Assignment) -> SimulatedRun:
     from agribot.app.simulated_run import simulate
 
-    clear_run(assignment.out_dir)  # what an interrupted sweep left
+    clear_run(assignment.out_dir)  # files of an interrupted sweep
     return simulate(assignment.job.config(), assignment.out_dir)
 
 

@@ -19,14 +19,14 @@ from agribot.lab.sweep.execution import RunOutcome
 from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
-# Lists have no place in a table of numbers: how many there were has.
+# Lists that a table of numbers shows by their length.
 COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "safety.checks",
            "safety.crushes", "safety.interventions")  # fmt: skip
 Value = str | int | float | bool | None
 
 
 class _SweepPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What `sweep.json` holds."""
+    """Content of `sweep.json`."""
 
     version: str
     jobs: tuple[SweepJob, ...]
@@ -52,7 +52,7 @@ class SweepFolder:
             if not set(self.jobs) <= set(known):
                 is_longer = set(known) <= set(self.jobs)
                 if not is_longer or len({job.name for job in self.jobs}) < len(self.jobs):
-                    raise _tell_other_sweep(path)
+                    raise _make_other_sweep_error(path)
                 write_at_once(about, _encode_json(_SweepPlan(version=__version__, jobs=self.jobs)))
         except OSError as error:
             raise RecordingError(
@@ -114,9 +114,9 @@ def _read_jobs(about: Path, content: bytes) -> tuple[SweepJob, ...]:
     try:
         known = msgspec.json.decode(content, type=_SweepPlan)
     except msgspec.MsgspecError:
-        raise _tell_other_sweep(about.parent) from None
+        raise _make_other_sweep_error(about.parent) from None
     if known.version != __version__:
-        raise _tell_other_sweep(about.parent)
+        raise _make_other_sweep_error(about.parent)
     return known.jobs
 
 
@@ -132,7 +132,7 @@ def _name_nothing(job: SweepJob) -> SweepJob:
     return msgspec.structs.replace(job, name="")
 
 
-def _tell_other_sweep(path: Path) -> ConfigError:
+def _make_other_sweep_error(path: Path) -> ConfigError:
     return ConfigError(
         f"{path} holds another sweep (its sweep.json differs); give the same options again, with "
         "more seeds or values if wanted, or another --out folder"

@@ -35,7 +35,7 @@ class PictureWindows(NamedTuple):
     size_px: int
 
     def place_samples(self, device: torch.device, fine: int = 1) -> tuple[Tensor, Tensor]:
-        """Where in the pictures the rows and columns of what is shown lie, (N, size_px * fine)."""
+        """Find rows and columns of the pictures for the shown ones, (N, size_px * fine)."""
         samples = self.size_px * fine
         share = (torch.arange(samples, dtype=torch.float64) + 0.5) / samples
         along = share * torch.from_numpy(self.source_px)[:, None] - 0.5
@@ -70,7 +70,7 @@ class PictureWindows(NamedTuple):
         return pixels[picture, rows[:, :, None], columns[:, None, :]].to(torch.int64)
 
     def move_points(self, points_px: Tensor) -> Tensor:
-        """Where points (N, K, 2) of the pictures, u and v, lie in what is cut."""
+        """Move points (N, K, 2) of the pictures, u and v, into the cut."""
         corners = torch.from_numpy(np.stack([self.left, self.top], axis=1)).to(points_px)
         scale = torch.from_numpy(self.size_px / self.source_px).to(points_px)[:, None]
         moved = (points_px - corners[:, None, :] + 0.5) * scale[:, None] - 0.5

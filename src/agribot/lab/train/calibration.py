@@ -26,12 +26,12 @@ Logits = Callable[[Tensor], Tensor]
 
 BINS = 15
 EVERY_PX = 4  # neighbours say nearly the same
-LEAST_PIXELS = 100  # fewer give no temperature
-MAX_TEMPERATURE = 8.0  # or 1 over it: of a few pixels that are all right, or all wrong
+LEAST_PIXELS = 100  # least pixels for a temperature
+MAX_TEMPERATURE = 8.0  # limit, and 1 over it: for a few pixels that are all right, or all wrong
 
 
 class Temperatures(msgspec.Struct, frozen=True, kw_only=True):
-    """By what the logits of pixels called weed, crop and soil are divided."""
+    """Divisors of the logits of pixels called weed, crop and soil."""
 
     weed: float = 1.0
     crop: float = 1.0

@@ -58,16 +58,19 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     training_cpu_min: float
     training_device: str = ""  # the GPU, if it was trained on one
     test: dict[str, Scores]
-    plants: dict[str, PlantScores] = {}  # of single plants, by scene of `agribot bench plants`
-    rows: RowFigures | None = None  # of photographs with labelled crop rows
+    # Scores of single plants, by scene of `agribot bench plants`.
+    plants: dict[str, PlantScores] = {}
+    rows: RowFigures | None = None  # figures of photographs with labelled crop rows
     kept_temperatures: Temperatures | None = None  # with the classes of weights it began with
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
-    precision: str = "fp32"  # of the numbers in the file
-    most_doubt: float | None = None  # of a picture it knows (perceive/doubt.py); None: no limit
+    precision: str = "fp32"  # precision of the numbers in the file
+    # Largest doubt of a picture it knows (perceive/doubt.py); None: no limit.
+    most_doubt: float | None = None
     calibration: Calibration | None = None  # None: confidences are the softmax of the logits
-    held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
-    changed_since: str = ""  # what the same command does otherwise today
+    # Scores of a split where no data is left to judge these very weights on.
+    held_out: HeldOut | None = None
+    changed_since: str = ""  # differences of the same command today
     exported_from: str = ""  # SHA-256 of the file that was trained, whose scores these are
 
     def write(self, onnx_path: Path) -> None:
@@ -181,10 +184,10 @@ def _name_temperatures(values: Temperatures) -> str:
 
 
 def _describe_calibration(found: Calibration) -> str:
-    where = "these, each judged with what the others tell" if found.is_by_turns else "test images"
+    where = "these, each judged by the others" if found.is_by_turns else "test images"
     text = f"{_name_temperatures(found.temperatures)}, found on {found.images} images set aside"
     if found.error_after is None:
-        return f"{text}; what they bring was not measured: a second image would tell"
+        return f"{text}; their gain was not measured: that takes a second image"
     before, after = found.plant_error_before, found.plant_error_after
     if after is None:
         plants = ""

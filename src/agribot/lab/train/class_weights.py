@@ -15,7 +15,7 @@ from agribot.lab.train.evaluate import CLASS_NAMES
 Counts = npt.NDArray[np.int64]
 Weights = tuple[float, float, float]
 
-AUTO = "auto"  # stands for ROOT, which stays moderate where a class is very rare
+AUTO = "auto"  # name of ROOT, which stays moderate where a class is very rare
 ROOT, MEDIAN, INVERSE = "inverse-root", "median-frequency", "inverse-frequency"
 WEIGHTINGS = (AUTO, ROOT, MEDIAN, INVERSE)
 

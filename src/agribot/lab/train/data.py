@@ -25,7 +25,7 @@ READERS, READ_AT_ONCE = min(16, usable_cpus()), 256
 
 
 class DataSet(msgspec.Struct, frozen=True, kw_only=True):
-    """Where images lie and what they were drawn from.
+    """Folder of images and their origin.
 
     Scene k of a seed is always the same, so a bigger set only adds scenes. Training and test
     images never share a scene: `stream` keeps their random numbers apart. With `has_plants` the

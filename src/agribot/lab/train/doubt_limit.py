@@ -9,8 +9,9 @@ import numpy as np
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.messages import ByteArray
 
-OWN_PERCENTILE = 95.0  # of its own pictures, such as those that taught it
-# Beyond these: drawn pictures end at 0.53, the median of photographs of an unknown crop is 0.75.
+OWN_PERCENTILE = 95.0  # percentile of its own pictures, such as those that taught it
+# Margin over these: drawn pictures end at 0.53, the median of photographs of an unknown crop is
+# 0.75.
 MARGIN = 0.15
 
 

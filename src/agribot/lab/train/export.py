@@ -25,10 +25,11 @@ from agribot.lab.train.plant_targets import WAY, WAY_UNIT_PX, join_heat
 from agribot.lab.train.precision import store_as_fp16
 from agribot.lab.train.resizing import name_output_sizes
 
-# Of the network, not of the camera: the graph resizes whatever comes in.
+# Size of the network, not of the camera: the graph resizes every picture.
 INPUT_HEIGHT_PX, INPUT_WIDTH_PX = 480, 640
 OPSET = 18
-TEMPERATURES = "temperatures"  # of weed, crop and soil, in the metadata of a file
+# Key of weed's, crop's and soil's temperatures in the metadata of a file.
+TEMPERATURES = "temperatures"
 
 Features = Callable[[Tensor], Tensor]
 

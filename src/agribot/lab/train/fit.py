@@ -37,7 +37,7 @@ CHECKPOINT = "checkpoint.pt"
 LOG = "training.csv"
 LOG_FIELDS = ("step", "learning_rate", "loss", "cpu_s", *FIGURES)
 GRADIENT_LIMIT = 5.0
-# What reading a broken checkpoint ends with, by where it is broken.
+# Errors of reading a broken checkpoint, by where it is broken.
 _BROKEN = (
     RuntimeError, EOFError, LookupError, TypeError, ValueError, pickle.UnpicklingError,
     msgspec.ValidationError,
@@ -60,12 +60,13 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     judge_every: int = 250
     model: str = "agribot-sim"
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
-    class_weighting: str = ""  # how the weights came from the labels; empty: they were given
+    # Method that made the weights from the labels; empty: they were given.
+    class_weighting: str = ""
     overlap_loss: str = "dice"
-    processes: int = 1  # that train together, each with a batch of its own
+    processes: int = 1  # processes that train together, each with a batch of its own
     start: str = ""  # weights to begin with: name and start of the SHA-256, or imagenet
-    data: str = ""  # which photographs: another fold must not go on in the same folder
-    keeps_classes: bool = False  # of a network that finds plants, only the stems learn
+    data: str = ""  # name of the photographs: another fold must not go on in the same folder
+    keeps_classes: bool = False  # whether only the stems of a network that finds plants learn
 
     def rate_at(self, step: int) -> float:
         """Compute the rate: linear warm-up, then a cosine to 0.5 % of the top rate."""

@@ -16,7 +16,7 @@ from torch.nn import functional
 from agribot.core.messages import FloatArray
 
 BLOCK_PX = 8
-MULTIPLE_PX = 2 * BLOCK_PX  # of the pictures: a block of colours is of four blocks
+MULTIPLE_PX = 2 * BLOCK_PX  # multiple of the pictures' size: a block of colours is of four blocks
 LUMINANCE = np.array(
     [
         [16, 11, 10, 16, 24, 40, 51, 61],

@@ -15,14 +15,14 @@ from torch.nn import functional
 from agribot.core.messages import FloatArray
 from agribot.lab.train.augment import change_some, to_factors
 
-# How often a picture is changed, and, of the changed ones, how often in each way.
+# Share of changed pictures, and, among these, the share of each change.
 CHANGE_RATIO = 0.55
 SHADE_RATIO, TONE_RATIO, SPLIT_RATIO, DULL_RATIO = 0.35, 0.6, 0.4, 0.5
 FLARE_RATIO, SHAKE_RATIO = 0.2, 0.12
 SHADE, SHADE_EDGE_RATIO = (0.2, 0.65), (0.005, 0.06)  # light left, and width of its edge
-SKY_BLUE = np.array([0.92, 1.0, 1.14])  # of the light in a shadow
+SKY_BLUE = np.array([0.92, 1.0, 1.14])  # colour of the light in a shadow
 EXPOSURE, CONTRAST = (0.55, 1.9), (0.7, 1.7)
-SPLIT_STD = 0.16  # of the logarithms of gains on dark and on bright pixels
+SPLIT_STD = 0.16  # spread of the logarithms of gains on dark and on bright pixels
 SATURATION = (0.35, 1.25)
 VEIL, GLOW, GLOW_RADIUS = (0.0, 60.0), (40.0, 260.0), (0.15, 0.7)
 SHAKE_PX = (3, 7)

@@ -56,7 +56,7 @@ class PlainBlock(nn.Module):
         return functional.relu(self.only(x), inplace=True)
 
 
-Block = Callable[[int], nn.Module]  # of a number of channels
+Block = Callable[[int], nn.Module]  # maker of a block from a number of channels
 
 
 class EncoderStage(nn.Module):

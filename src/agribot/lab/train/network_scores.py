@@ -22,10 +22,10 @@ from agribot.lab.train.evaluate import (
     count_confusion,
 )
 
-# Smaller pieces of vegetation are no plants to look for, at the resolution of the labels.
+# Least piece of vegetation that is a plant to look for, at the resolution of the labels.
 LEAST_PLANT_PX = 500
 RELIABILITY_BINS = 15
-# Of a judged picture, kept small for the sheet of the worst ones.
+# Width of a judged picture, kept small for the sheet of the worst ones.
 THUMB_WIDTH_PX = 432
 
 Curve = npt.NDArray[np.float64]
@@ -106,7 +106,7 @@ class NetworkScores:
 
     @property
     def boundary_f1(self) -> ByClass:
-        """Of the outlines of all images together, by the name of the class."""
+        """Score of the outlines of all images together, by the name of the class."""
         return dict(zip(CLASS_NAMES, boundary_f1(self._outlines), strict=True))
 
     @property

@@ -24,15 +24,15 @@ from agribot.lab.train.photo_transforms import relight, warp
 # Largest and smallest scale, over the scale at which the network works.
 SCALE_RATIO = (0.86, 1.66)
 LEVELS = 4
-FROM_LEVEL_RATIO = (0.85, 1.0)  # what is left to the warp after the nearest larger level
-ON_PLANTS_RATIO = 0.6  # of the crops centre on vegetation, half of them on the rare plants
+FROM_LEVEL_RATIO = (0.85, 1.0)  # factors left to the warp after the nearest larger level
+ON_PLANTS_RATIO = 0.6  # share of crops centred on vegetation, half of them on the rare plants
 PASTE_CROP_RATIO = 0.7
 LEAST_PASTE_PX = 30
-MEMORY_BYTES = 2_000_000_000  # of pictures at all scales, some 300 of 512 px
+MEMORY_BYTES = 2_000_000_000  # memory of pictures at all scales, some 300 of 512 px
 
 
 class View(NamedTuple):
-    """What a view of plants allows: turns, plants set into other pictures; which plants are rare.
+    """Options of a view of plants: turns, plants set into other pictures; which plants are rare.
 
     Where rows run away from the camera, the place in the picture says what a plant is: it is not
     turned, and nothing is moved to another place.

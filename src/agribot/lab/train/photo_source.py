@@ -35,7 +35,7 @@ from agribot.lab.train.photographs import (
     tally_classes,
 )
 from agribot.lab.train.picture_stack import PictureStack
-from agribot.lab.train.plant_targets import tell_classes_alone
+from agribot.lab.train.plant_targets import make_class_targets
 from agribot.lab.train.plant_truth import DrawnView
 from agribot.lab.train.precision import sample_pictures
 from agribot.lab.train.simulated import (
@@ -102,7 +102,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
 
 
 class _Photographs(NamedTuple):
-    """What can be read of a set, how wide the pictures are, and a digest of names and labels."""
+    """Readable pairs of a set, the width of its pictures, and a digest of names and labels."""
 
     files: PairFiles
     widths_px: list[int]
@@ -291,7 +291,7 @@ def mix_with_plants(
 
     def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         images, label = photos(rng)
-        return _join((images, tell_classes_alone(label)), drawn(rng))
+        return _join((images, make_class_targets(label)), drawn(rng))
 
     return draw_mixed
 

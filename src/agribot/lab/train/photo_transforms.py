@@ -13,7 +13,7 @@ from agribot.core.messages import ByteArray
 
 SHEAR_DEG = 6.0
 FLIP_RATIO = 0.5
-# How often each change of light happens, and how far it goes (1.0: all of the range 0..255).
+# Share of each change of light, and its range (1.0: all of the range 0..255).
 GAMMA_RATIO, GAMMA = 0.7, (0.74, 1.35)
 EXPOSURE_RATIO, BRIGHTNESS, CONTRAST = 0.7, 0.22, 0.2
 BALANCE_RATIO, BALANCE_LEVELS = 0.6, 14.0

@@ -36,11 +36,11 @@ from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
 
 NON_COMMERCIAL = "non-commercial research use only"
 ROW_LABELS = "labels"  # folder of drawings of crop rows, in a set of the kind "rows"
-SAMPLE_PAIRS = 24  # read before a set is judged; all are read before one is learnt from
+SAMPLE_PAIRS = 24  # pairs read before a set is judged; all are read before one is learnt from
 
 
 class DataKind(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a known data set keeps its files, the meaning of its mask values, its conditions.
+    """A known data set: its files, the meaning of its mask values, its conditions.
 
     `ids` maps stored values to classes; empty: ids as in `PlantClass`, or red, green, black.
     """

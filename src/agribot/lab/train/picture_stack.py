@@ -13,7 +13,7 @@ from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.plant_truth import DrawnView, PlantTruth
 
-BLOCK_PX = 8  # windows are compared by the weeds in such squares
+BLOCK_PX = 8  # side of the squares in which windows are compared by the weeds
 NO_PLANT = 255  # kind of what only fills up a list of plants
 
 Numbers = npt.NDArray[np.int64]

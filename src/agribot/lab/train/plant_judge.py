@@ -13,7 +13,7 @@ from agribot.lab.labelled_plants import LabelledPlants
 from agribot.lab.plant_scores import PlantSegments, PlantTally
 from agribot.sim.plant_judge import find_percentile
 
-LEAST_PX = 30  # fewer pixels show no plant: neither in truth nor in an answer
+LEAST_PX = 30  # pixels of a visible plant; fewer show none: neither in truth nor in an answer
 
 
 class PicturePlantScores(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,7 +73,7 @@ class PicturePlantJudge:
         owned = own_pixels(seen)
         kinds = [name_kind(weed, crop) for weed, crop in owned.shares.tolist()]
         self._unknown += kinds.count(None)
-        soil = PlantClass.SOIL  # of neither class
+        soil = PlantClass.SOIL  # soil is neither class
         named = np.array([soil if kind is None else kind for kind in kinds], dtype=np.uint8)
         segments, kept = _choose_big(PlantSegments(owned.number, named))
         return segments, owned.stem_px[kept]

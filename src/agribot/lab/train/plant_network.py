@@ -15,13 +15,14 @@ from agribot.lab.train.network import (
 )
 from agribot.lab.train.plant_targets import HEAT, WAY
 
-# Of the branch, at strides of 4, 8, 16 and 32, and its residual blocks from the second on.
+# Widths of the branch at strides of 4, 8, 16 and 32, and its residual blocks from the second on.
 WIDTHS, BLOCKS = (32, 48, 80, 128), (1, 2, 2)
-# Of the classes: the encoder at strides of 2 to 32, with what a stage has of blocks, and back up.
+# Network of the classes: widths of the encoder at strides of 2 to 32, the blocks of each stage, and
+# the way back up.
 CLASS_WIDTHS, CLASS_BLOCKS, CLASS_DECODER = (16, 24, 48, 80, 128), (1, 1, 2, 2), (16, 24, 32, 48)
 ENCODED_WIDTH, MERGED_WIDTH = CLASS_WIDTHS[1], CLASS_DECODER[1]  # their features at stride 4
 BRANCH_MAPS = WAY.stop  # heat of weeds and of crops in each square, way right and down
-# Before training nearly every cell holds no stem.
+# Bias before training, when nearly every cell holds no stem.
 HEAT_BIAS = -3.0
 
 

@@ -23,7 +23,7 @@ from agribot.lab.train.picture_stack import NO_PLANT, PictureStack
 from agribot.lab.train.plant_truth import LEAST_PX
 from agribot.lab.train.sensors import change_sensors, compress_some
 
-SQUARES = CELL_PX // SQUARE_PX  # along the side of a cell
+SQUARES = CELL_PX // SQUARE_PX  # squares along the side of a cell
 # The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops in the squares
 # of the cell, row by row, the way to the stem in units of WAY_UNIT_PX, right and down, how much the
 # way counts, and the heat; then the classes of the cell's own pixels, row by row.
@@ -89,7 +89,7 @@ def make_targets(label: Tensor, number: Tensor, stems_px: Tensor, kinds: Tensor)
     return targets
 
 
-def tell_classes_alone(label: Tensor) -> Tensor:
+def make_class_targets(label: Tensor) -> Tensor:
     """Make targets (N, MAPS, H / CELL_PX, W / CELL_PX) of photographs with these classes (N, H, W).
 
     Their plants are unknown: heat and ways count nowhere.
@@ -151,14 +151,14 @@ def _list_stems(stems_px: Tensor, is_wanted: Tensor, shape: Sequence[int]) -> _S
 def _give_cells(owner: Tensor, stems: _Stems) -> None:
     """Give a stem its cell, and the free ones of the eight around it, of (N, rows, columns)."""
     _, rows, columns = owner.shape
-    nobody = torch.iinfo(torch.int64).max
-    claims = torch.full_like(owner, nobody)
+    unclaimed = torch.iinfo(torch.int64).max
+    claims = torch.full_like(owner, unclaimed)
     for down, right in itertools.product((-1, 0, 1), repeat=2):
         row, column = stems.row + down, stems.column + right
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         place = ((stems.picture * rows + row) * columns + column)[inside]
         claims.view(-1).scatter_reduce_(0, place, stems.plant[inside] + 1, "amin")
-    owner.copy_(torch.where((owner == 0) & (claims != nobody), claims, owner))
+    owner.copy_(torch.where((owner == 0) & (claims != unclaimed), claims, owner))
     own = torch.zeros_like(owner)
     place = (stems.picture * rows + stems.row) * columns + stems.column
     own.view(-1).scatter_reduce_(0, place, stems.plant + 1, "amax")

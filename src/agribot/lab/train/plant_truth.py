@@ -19,7 +19,7 @@ from agribot.sim.ground_surface import GroundSurface
 
 # Least visible pixels that identify a plant.
 LEAST_PX = 12
-# Beyond it a pixel covers more than a weed; the robot does not look that far either.
+# Range of labels: beyond it a pixel covers more than a weed, and the robot does not look that far.
 LABEL_RANGE_M = 3.0
 
 
@@ -57,7 +57,8 @@ def find_plants(
     The stem of a plant is where the map has it, on the ground.
     """
     shown = _list_shown(drawn, range_m)
-    number = np.zeros(len(world.plants) + 1, dtype=np.uint16)  # of instance -1, the last, none
+    # Number of instance -1, the last, means none.
+    number = np.zeros(len(world.plants) + 1, dtype=np.uint16)
     number[shown] = np.arange(1, len(shown) + 1)
     places_m, kind = place_stems(world, shown, ground)
     camera_m = (places_m - map_from_camera[:3, 3]) @ map_from_camera[:3, :3]

@@ -13,7 +13,7 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
 CALIBRATION_IMAGES = 32
-HALF = "_fp16"  # after the name of weights that are stored in 16 bits
+HALF = "_fp16"  # suffix of weights that are stored in 16 bits
 
 T = TypeVar("T")
 
@@ -102,6 +102,6 @@ def convert_to_fp16(source: Path, target: Path) -> None:
 def _refuse_eight_bits(model: Any) -> None:
     if any(node.op_type == "QuantizeLinear" for node in model.graph.node):
         raise PerceptionError(
-            "the network has 8-bit numbers already, of which no others are made; give the file "
+            "the network has 8-bit numbers already, and they cannot be converted; give the file "
             "that it came from, such as NAME-fp32.onnx of agribot train"
         )

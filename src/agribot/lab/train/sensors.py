@@ -10,7 +10,7 @@ from agribot.core.messages import FloatArray
 from agribot.lab.train.augment import blur_some, change_some, to_factors
 from agribot.lab.train.jpeg import compress
 
-# How often a picture is changed, and, of the changed ones, how often in each way.
+# Share of changed pictures, and, among these, the share of each change.
 CHANGE_RATIO = 0.4
 INFRARED_RATIO, MIX_RATIO, BALANCE_RATIO, BLUR_RATIO = 0.35, 0.4, 0.5, 0.4
 # Leaves reflect more of the near infrared than of the red, soil about as much: what a leaf is
@@ -19,7 +19,7 @@ INFRARED_GAIN, INFRARED_LIFT = (0.35, 1.1), (0.9, 1.15)
 MIX_STD = 0.1
 BALANCE = (0.72, 1.35)
 BLUR_SIGMA_PX = (0.6, 1.8)
-# How often a picture comes as JPEG, and of what quality.
+# Share of JPEG pictures, and the range of their quality.
 JPEG_RATIO, JPEG_QUALITY = 0.5, (40.0, 97.0)
 
 

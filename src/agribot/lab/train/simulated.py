@@ -43,9 +43,10 @@ from agribot.sim.seedling_scenes import (
 VIEWS_PER_SCENE = 2
 WIDTH_PX, HEIGHT_PX = 640, 480
 INFRARED_SHARE, MOST_GROWTH = 0.5, 4.0
-SMOOTH_SHARE = 0.5  # of seedlings, drawn in twice the pixels: as in photographs that were reduced
-ROUGH_VIEWS_PER_SCENE = 3  # relief is dear to light
-TAUGHT_VIEWS_PER_SCENE = 6  # of such scenes, where many are needed
+# Share of seedlings drawn in twice the pixels: as in photographs that were reduced.
+SMOOTH_SHARE = 0.5
+ROUGH_VIEWS_PER_SCENE = 3  # views of a rough scene: relief is dear to light
+TAUGHT_VIEWS_PER_SCENE = 6  # views of such scenes, where many are needed
 
 
 def draw_random_field(

@@ -37,13 +37,13 @@ from agribot.lab.train.standing import Judge
 from agribot.lab.train.validation import HeldOutPictures
 from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
-VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
+VariedDrawer = Callable[..., Iterator[DrawnView]]  # drawer of a scene; all but one of any variety
 CROP_PX = 320
 BATCH_SIZE = 8
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
-# What a network learns from, and is judged on while it learns: stream and drawer of each set, and
+# Sets that a network learns from, and is judged on while it learns: stream and drawer of each, and
 # whether its fields are those of the standard variety.
 TAUGHT: dict[str, tuple[int, VariedDrawer, bool]] = {
     "train-random": (0, draw_random_field, False),
@@ -80,7 +80,7 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
 
     batches: BatchSource
     recipe: TrainingPlan
-    labels: Callable[[], Iterable[ByteArray]]  # of the pictures to train on
+    labels: Callable[[], Iterable[ByteArray]]  # labels of the pictures to train on
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
     aside: Callable[[], Iterable[LabelledImage]] | None = None
     has_tests_aside: bool = False

@@ -26,7 +26,7 @@ Counts = npt.NDArray[np.int64]
 
 LEAST_STEM_SCORE = 0.2
 STEM_RADIUS_PX = 12.0
-LEAST_PX = 30  # of a plant that has to be found; one with fewer may be
+LEAST_PX = 30  # pixels of a plant that has to be found; one with fewer may be
 
 
 class HeldOutPictures:

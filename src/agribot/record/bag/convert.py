@@ -59,7 +59,7 @@ class ConvertResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _Route(NamedTuple):
-    """Where messages of one source topic go; `data` gives None for one that is skipped."""
+    """Target of one source topic's messages; `data` gives None for one that is skipped."""
 
     number: int
     data: Callable[[BagMessage], bytes | None]

@@ -21,7 +21,7 @@ _MARK = "agribot:"
 
 
 class Label(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Of a message its encoding and schema, of a file its name and media type."""
+    """Label of a message, its encoding and schema; of a file, its name and media type."""
 
     encoding: str = ""
     schema_name: str = ""

@@ -21,7 +21,7 @@ from agribot.record.mcap_parsing import MAGIC
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # RFC 8878, section 3.1.1
-_PARTS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # how files of a rosbag2 folder end
+_PARTS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # suffixes of files in a rosbag2 folder
 
 
 @contextlib.contextmanager
@@ -127,7 +127,7 @@ def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
             refused.append(error)
     if not parts:
         raise refused[0]
-    # By their times: the tenth file of a recorder comes before the second by name.
+    # The order is by time: the tenth file of a recorder comes before the second by name.
     parts.sort(key=lambda part: part.times_ns or (0, 0))
     return FolderBag(path, parts, [Damage(what=str(error)) for error in refused])
 

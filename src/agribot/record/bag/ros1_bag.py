@@ -25,7 +25,7 @@ from agribot.record.bag.ros1_walk import (
 from agribot.record.bag.source import Bag, BagMessage, BagTopic
 from agribot.record.damage import Damage
 
-_COUNT = struct.Struct("<II")  # of a chunk's information: connection, messages
+_COUNT = struct.Struct("<II")  # counts of a chunk's information: connection, messages
 
 
 class Ros1Bag(Bag):
@@ -72,7 +72,7 @@ class Ros1Bag(Bag):
 
 
 class _Tally:
-    """What was read of a bag, and what by its index or by the times around is missing."""
+    """Count of a bag's messages, and of those missing by its index or by the times around."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -80,7 +80,7 @@ class _Tally:
         self.counts: Counter[int] = Counter()
         self.times_ns: tuple[int, int] | None = None
         self.compressions: set[str] = set()
-        self._chunks: int | None = None  # by the bag's header
+        self._chunks: int | None = None  # number of chunks by the bag's header
         self._stated: list[int] = []  # messages of each chunk, by the index
         self._holes: list[tuple[Ros1Hole, int | None, int | None]] = []
 

@@ -25,7 +25,7 @@ _SECOND_NS = 1_000_000_000
 # The field of a header that says the kind of its record.
 _KIND_FIELD = re.compile(rb"\x04\x00\x00\x00op=[\x02-\x07]")
 _LARGEST_HEADER_BYTES = 1 << 16
-_SEARCHED_BYTES = 400  # of a header, before the field of its kind: as long as topics are
+_SEARCHED_BYTES = 400  # bytes of a header before the field of its kind: topics may be as long
 _WINDOW = 1 << 20  # bytes that are searched at once
 _LINKS = 3  # records that follow one another are taken for sound
 _NEEDED: dict[int, dict[bytes, int]] = {  # fields of each kind, and their bytes

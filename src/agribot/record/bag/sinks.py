@@ -55,7 +55,7 @@ class Sink(Protocol):
     store: Typestore  # the types it writes; it may learn further ones
     is_ros2: bool
     holds_anything: bool  # also what is no ROS message, files and notes of what is lost
-    last_ns: int  # of the times of messages that fit into it, from 1970 on
+    last_ns: int  # last time of messages that fit into it, from 1970 on
 
     def add(self, topic: BagTopic) -> int: ...
 

@@ -70,7 +70,7 @@ class UndecodableMessage(RecordingError):
 
 
 class Bag:
-    """What `open_bag` gives. Subclasses fill the attributes and read `messages`.
+    """Result of `open_bag`. Subclasses fill the attributes and read `messages`.
 
     `damage` is what cannot be read, `notes` what else is missing, in words for the user.
     `times_ns` are the first and the last log time, None for a recording without messages.

@@ -21,7 +21,7 @@ from agribot.record.damage import Damage
 
 _FORMATS = {"ros2msg": "msg", "ros2idl": "idl"}
 _SMALLEST_ROW_BYTES = 16
-_FAILURES_A_STEP = 1000  # ids are tried one by one at first, then in growing steps
+_FAILURES_A_STEP = 1000  # failures before ids are tried in growing steps
 # Tries, more than there can be rows, before the rest of a database counts as lost.
 _TRIES_A_ROW, _MORE_TRIES = 10, 1_000_000
 _FIRST_ID = -(1 << 63)

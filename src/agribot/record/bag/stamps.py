@@ -45,7 +45,7 @@ def _find_seconds(defined: Any, ros_type: str, is_ros2: bool) -> int | None:
     before = 0
     while ros_type != _TIME:
         if ros_type == _HEADER:
-            return before + (0 if is_ros2 else 4)  # that of ROS 1 begins with a number
+            return before + (0 if is_ros2 else 4)  # a ROS 1 header begins with a number
         fields = defined[ros_type][1]
         if not fields or fields[0][1][0] != Nodetype.NAME:
             return None

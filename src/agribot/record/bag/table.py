@@ -15,7 +15,7 @@ from agribot.core.whole_file import make_at_once
 from agribot.record.bag.opening import check_target, open_bag
 from agribot.record.bag.source import Bag, BagTopic
 
-_WIDEST = 64  # longer arrays stay in one column, as JSON
+_WIDEST = 64  # largest width; longer arrays stay in one column, as JSON
 
 
 def write_table(source: Path, topic_name: str, target: Path) -> int:

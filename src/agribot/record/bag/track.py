@@ -29,7 +29,8 @@ SUFFIXES = (".gpx", ".kml", ".csv")
 
 _GPX, _KML = "http://www.topografix.com/GPX/1/1", "http://www.opengis.net/kml/2.2"
 _PREFERRED = ("/agribot/fix", "/fix")
-_CLOCK_SET_S = 10 * 365 * 86400.0  # stamps below are simulated time or that of an unset clock
+# Time below which stamps are simulated or those of an unset clock.
+_CLOCK_SET_S = 10 * 365 * 86400.0
 
 
 class TrackPoint(msgspec.Struct, frozen=True, kw_only=True):

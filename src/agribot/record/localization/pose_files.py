@@ -22,7 +22,7 @@ from agribot.record.report import write_file
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.transforms import BodyTransforms, make_static_transforms
 
-# Poses are written no more often than this, s.
+# Least time between written poses, s.
 PERIOD_S = 0.05
 GPX_PERIOD_S = 1.0
 COLUMNS = (

@@ -7,7 +7,7 @@ import msgspec
 from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray
 
-# What is written into the folder of a result; no log of a drive.
+# Files of a result's folder; no log of a drive.
 OUTPUT_NAMES = (
     "poses.csv", "poses.tum", "poses.gpx", "estimate.mcap", "report.html", "pictures.csv",
 )  # fmt: skip
@@ -68,7 +68,7 @@ class LocalizationRun(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class SourceFact(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a sensor was read; times count from the first message of the log."""
+    """Source of a sensor; times count from the first message of the log."""
 
     sensor: str
     source: str
@@ -80,7 +80,7 @@ class SourceFact(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LogFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """What a log holds and how it was taken; `start_stamp_s` is the stamp of its first message.
+    """Content of a log; `start_stamp_s` is the stamp of its first message.
 
     `notes` say what is not used, not known or assumed, in words.
     """

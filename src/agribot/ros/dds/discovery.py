@@ -15,8 +15,8 @@ from agribot.ros.graph import Graph, make_graph
 from agribot.ros.messages.dds_names import from_dds_name
 
 _MOST_ENDPOINTS = 4000
-_ALIVE = 16  # of the states of an instance
-_TOPIC = "rt/"  # before the name of a topic; services have others
+_ALIVE = 16  # state of an instance that lives
+_TOPIC = "rt/"  # prefix of a topic's name; services have others
 _HASH = "typehash="
 
 
@@ -44,8 +44,8 @@ class Discovery:
         self._writers: Any = BuiltinDataReader(node.participant, BuiltinTopicDcpsPublication)
         self._readers: Any = BuiltinDataReader(node.participant, BuiltinTopicDcpsSubscription)
         self._lock = threading.Lock()
-        self._names: dict[bytes, str] = {}  # by the id of an endpoint
-        self._nodes: dict[bytes, set[str]] = {}  # by the id of their participant
+        self._names: dict[bytes, str] = {}  # names by the id of an endpoint
+        self._nodes: dict[bytes, set[str]] = {}  # nodes by the id of their participant
         node.subscribe_nodes(self._on_nodes)
 
     def list_writers(self) -> list[DdsEndpoint]:
@@ -90,7 +90,7 @@ class Discovery:
             return self._names.get(found.key.bytes, f"participant {found.key.hex[8:24]}")
 
     def _on_nodes(self, data: bytes) -> None:
-        with contextlib.suppress(BridgeError):  # of Humble, whose ids are longer
+        with contextlib.suppress(BridgeError):  # a participant of Humble has longer ids
             message = _decode_nodes(data)
             names = set()
             for node in message.node_entities_info_seq:

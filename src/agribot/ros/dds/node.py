@@ -28,9 +28,10 @@ NODES = Topic(
 _ANY_STATE = 127
 _TAKEN_AT_ONCE = 32
 _BLOCKING_MS = 100
-_MOST_PARTICIPANTS = 100  # whose nodes are kept until they are read
-# By default nothing leaves this machine; with small fragments Fast DDS would lose images. Late
-# peers are found, too: Cyclone alone announces itself every 30 s, and stops without a first answer.
+_MOST_PARTICIPANTS = 100  # participants whose nodes are kept until they are read
+# Settings of Cyclone by default: nothing leaves this machine; with small fragments Fast DDS would
+# lose images. Late peers are found, too: Cyclone alone announces itself every 30 s, and stops
+# without a first answer.
 _LOCAL = """<CycloneDDS><Domain><General>
 <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
 <AllowMulticast>false</AllowMulticast>
@@ -38,7 +39,8 @@ _LOCAL = """<CycloneDDS><Domain><General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex>
 <MaxAutoParticipantIndex>60</MaxAutoParticipantIndex><SPDPInterval>2s</SPDPInterval>{keep}
 <Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
-_KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"  # from version 11 on
+# Setting from version 11 on.
+_KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
 
 
 class DdsNode:
@@ -110,7 +112,7 @@ class DdsNode:
             if made not in self._kept:
                 return  # the node was closed
             self._kept.remove(made)
-            made.clear()  # which removes them from the domain
+            made.clear()  # clearing removes them from the domain
             self._readers.remove(guid)
             self.announce()
 

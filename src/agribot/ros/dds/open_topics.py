@@ -15,7 +15,7 @@ from agribot.ros.graph import Graph
 from agribot.ros.topic_network import OnBytes, check_definition
 
 _LOOK_S = 0.1
-_QUIET_S = 0.5  # without a new writer, all are found
+_QUIET_S = 0.5  # time without a new writer after which all are found
 _MOST_WAIT_S = 3.0
 
 
@@ -41,7 +41,7 @@ class DdsTopics:
             return None
         first = found[0]
         check_definition(self._types(), name, first.ros_type, first.type_hash, first.node)
-        qos = Qos(  # what every writer of this topic offers
+        qos = Qos(  # the qualities that every writer of this topic offers
             reliable=all(one.qos.reliable for one in found),
             latched=all(one.qos.latched for one in found),
         )

@@ -13,7 +13,7 @@ from agribot.ros.messages.char_types import replace_char
 from agribot.ros.messages.dds_names import to_dds_name
 from agribot.ros.messages.gps_types import IN_ROS2, register_gps_types
 
-PLACEHOLDER = "structure_needs_at_least_one_member"  # of a message without fields
+PLACEHOLDER = "structure_needs_at_least_one_member"  # member of a message without fields
 
 
 @functools.cache

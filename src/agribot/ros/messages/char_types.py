@@ -11,9 +11,9 @@ from rosbags.typesys.store import Typestore
 def replace_char(store: Typestore) -> None:
     """Replace `char` by uint8 in all types of a store."""
     for name, (constants, fields) in list(store.fielddefs.items()):
-        mended: list[Any] = [(field, _replace_in_field(kind)) for field, kind in fields]
-        if mended != list(fields):
-            store.fielddefs[name] = (constants, mended)
+        replaced: list[Any] = [(field, _replace_in_field(kind)) for field, kind in fields]
+        if replaced != list(fields):
+            store.fielddefs[name] = (constants, replaced)
 
 
 def _replace_in_field(kind: Any) -> Any:

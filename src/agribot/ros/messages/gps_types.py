@@ -45,7 +45,7 @@ _FIXED_STD_M = 0.05  # a carrier solution that claims to be better has its ambig
 _MOST_VARIANCE_M2, _MOST_ERROR_M = 1e8, 1e4
 _SOURCE_GPS, _SOURCE_DOPPLER = 1, 4
 _APPROXIMATED = 1
-_HEIGHT_FACTOR = 2.0  # of the vertical sigma over the horizontal one, a guess
+_HEIGHT_FACTOR = 2.0  # ratio of the vertical sigma to the horizontal one, a guess
 
 
 def read_shipped_texts() -> dict[str, str]:

@@ -48,8 +48,8 @@ _NAVSAT_STATUS = {
     GnssQuality.RTK_FLOAT: 2,
 }
 _PATH_STEP_M = 0.1
-_PATH_POINTS = 5000  # more take longer than a tick to write
-_STRAIGHT_RAD = 1e-4  # from point to point
+_PATH_POINTS = 5000  # points of a path; more take longer than a tick to write
+_STRAIGHT_RAD = 1e-4  # smallest turn between two points
 
 
 @functools.cache

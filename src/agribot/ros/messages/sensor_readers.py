@@ -43,7 +43,7 @@ from agribot.ros.messages.wheel_readers import JointReader, TwistReader
 Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame
 ReadSample = Callable[[Any, float], Sample | None]
 
-# Of a receiver without a covariance: NavSatStatus -> quality, 1 sigma (m).
+# Quality and 1 sigma (m) of a receiver without a covariance, by NavSatStatus.
 _QUALITY = {
     0: (GnssQuality.SINGLE, 2.5),
     1: (GnssQuality.DGNSS, 1.0),

@@ -20,10 +20,11 @@ from agribot.ros.messages.shown_types import SHOWN_TYPES
 
 MOST_BEAMS = 4000
 MOST_CLOUD_POINTS = 20_000
-MOST_POINTS = 5000  # of a path or route
+MOST_POINTS = 5000  # points of a path or route
 MOST_TEXT = 200_000
-_MOST_FIELDS = 4  # of a cloud, besides the place
-_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # of PointField
+_MOST_FIELDS = 4  # fields of a cloud, besides the place
+# Types of PointField.
+_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _FLOAT32, _UINT32 = 7, 6
 
 Value = dict[str, Any]
@@ -39,7 +40,7 @@ class UnknownFrame(Exception):
 
 
 class ShownMessage(NamedTuple):
-    """What goes to the page, what was left out of it, and what is wrong with it, in words."""
+    """A message for the page, its omissions, and its faults, in words."""
 
     value: Value
     left_out: str = ""
@@ -200,7 +201,7 @@ def _show_cloud(message: Any, place: Place) -> ShownMessage:
     return ShownMessage(value, note)
 
 
-_SPARE = 5  # as many times more points are looked at as are shown
+_SPARE = 5  # factor of searched points over shown ones
 _PACKED = ("rgb", "rgba")
 
 
@@ -239,7 +240,7 @@ def read_cloud(message: Any, every: int = 1) -> tuple[FloatArray, tuple[str, ...
 
 
 class FramePlaces:
-    """Where frames lie: in the map by transforms, or on the robot.
+    """Places of frames: in the map by transforms, or on the robot.
 
     `find` gives the transform (4, 4) from the second frame to the first; `body_frames` are the
     robot's own, each with its place on the robot. A key `in_map` or `in_body` holds the matrix,

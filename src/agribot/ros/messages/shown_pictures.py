@@ -14,10 +14,10 @@ from agribot.core.errors import BridgeError
 from agribot.core.messages import ByteArray
 from agribot.ros.messages.sensor_readers import ImageReader
 
-MOST_SIDE_PX = 640  # of a picture beside the map
-MOST_TEXTURE_PX = 1024  # of one that lies on the ground
+MOST_SIDE_PX = 640  # side of a picture beside the map
+MOST_TEXTURE_PX = 1024  # side of a picture that lies on the ground
 MOST_DISPARITY_PX = 320
-MOST_COMPRESSED_BYTES = 300_000  # of a picture that is sent as it is
+MOST_COMPRESSED_BYTES = 300_000  # size of a picture that is sent unchanged
 _QUALITY = 80
 _MONO = {"8UC1": "mono8", "8UC3": "bgr8", "16UC1": "mono16"}  # the encodings of OpenCV
 

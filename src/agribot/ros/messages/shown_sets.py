@@ -25,7 +25,7 @@ from agribot.ros.messages.shown_types import GRID_UPDATE, ROUTE_POSITION
 Cells = npt.NDArray[np.int8]
 
 MOST_MARKERS = 2000
-MOST_MARKER_POINTS = 20_000  # of all markers together
+MOST_MARKER_POINTS = 20_000  # points of all markers together
 MOST_CELLS = 400_000
 MOST_TEXTURES = 8
 _DELETE, _DELETE_ALL = 2, 3
@@ -36,7 +36,7 @@ _UNKNOWN = -1
 
 
 class TopicView(Protocol):
-    """What the messages of one topic have come to."""
+    """State of one topic's messages."""
 
     def take(self, message: Any, t_s: float) -> None:
         """Take a message that arrived at `t_s`."""
@@ -51,7 +51,7 @@ class TopicView(Protocol):
 
 
 class NewestView:
-    """Of messages that stand for themselves: the newest."""
+    """View of messages that stand for themselves: the newest."""
 
     def __init__(self) -> None:
         self._message: Any = None

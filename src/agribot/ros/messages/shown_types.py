@@ -5,7 +5,7 @@ from __future__ import annotations
 _NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32",
             "UInt64")  # fmt: skip
 
-# By ROS type; the names of displays are those of mapviz's plugins, `geojson` is ours.
+# Displays by ROS type; their names are those of mapviz's plugins, `geojson` is added here.
 SHOWN_TYPES: dict[str, tuple[str, ...]] = {
     "gps_common/msg/GPSFix": ("gps", "navsat"),
     "gps_msgs/msg/GPSFix": ("gps", "navsat"),
@@ -40,7 +40,7 @@ SHOWN_TYPES: dict[str, tuple[str, ...]] = {
 SHOWN_DISPLAYS = frozenset(display for displays in SHOWN_TYPES.values() for display in displays)
 GRID_UPDATE = "map_msgs/msg/OccupancyGridUpdate"
 ROUTE_POSITION = "marti_nav_msgs/msg/RoutePosition"
-# By type, the ending of the topic beside that adds to it.
+# Ending of the topic beside that adds to it, by type.
 BESIDE = {"nav_msgs/msg/OccupancyGrid": "_updates", "marti_nav_msgs/msg/Route": "_position"}
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 

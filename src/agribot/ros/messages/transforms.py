@@ -85,8 +85,8 @@ class WheelTransforms:
 
     def _list_angles_rad(self, sample: WheelSample) -> list[float]:
         """List the angles of all wheels; without a reading that of the rear one of its side."""
-        told = [*sample.angle_rad, *(wheel.angle_rad for wheel in sample.middle)]
-        return told + [told[k % 2] for k in range(len(told), len(self._mounts))]
+        angles = [*sample.angle_rad, *(wheel.angle_rad for wheel in sample.middle)]
+        return angles + [angles[k % 2] for k in range(len(angles), len(self._mounts))]
 
 
 def find_wheel_joints(robot: RobotSpec, wheel_names: tuple[str, ...]) -> tuple[Joint, ...]:

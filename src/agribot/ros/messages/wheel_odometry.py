@@ -17,7 +17,7 @@ from agribot.ros.messages.cdr import CdrTemplate, TransformsCdr
 from agribot.ros.messages.rosmsg import BODY_FRAME, MAP_FRAME, ODOM_FRAME, quaternion_from_yaw
 from agribot.ros.messages.sensor_topics import MessageSink
 
-# Variance of what wheels do not measure: height, roll and pitch, and their rates.
+# Variance of values outside the wheels' measurement: height, roll and pitch, and their rates.
 UNMEASURED = 1e6
 _POSE_AT = {(0, 0): 0, (0, 1): 1, (0, 5): 2, (1, 0): 3, (1, 1): 4, (1, 5): 5, (5, 0): 6,
             (5, 1): 7, (5, 5): 8}  # fmt: skip

@@ -16,7 +16,7 @@ from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.ros.messages.rosmsg import to_seconds
 from agribot.ros.messages.transforms import find_wheel_joints
 
-LONGEST_STEP_S = 1.0  # between messages, to integrate or to differentiate over
+LONGEST_STEP_S = 1.0  # longest step between messages, to integrate or to differentiate over
 
 
 class JointReader:

@@ -26,7 +26,7 @@ class WorldTick(NamedTuple):
     command: DriveCommand | None
     pose: tuple[float, float, float]  # x_map_m, y_map_m, yaw_map_rad
     twist: tuple[float, float]  # v_mps, yaw_rate_radps
-    imu_bias: tuple[Vec3, Vec3] | None = None  # of accelerometer, m/s^2, and gyro, rad/s
+    imu_bias: tuple[Vec3, Vec3] | None = None  # biases of accelerometer, m/s^2, and gyro, rad/s
 
 
 class WorldTopicWriter:

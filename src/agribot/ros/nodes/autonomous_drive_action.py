@@ -18,12 +18,12 @@ from agribot.ros.messages import rosmsg
 from agribot.ros.nodes.stage import OutgoingMessage
 
 _SPEED_WINDOW_S = 10.0
-_SETTLE_S = 2.0  # the last goal's distance may still be on its way
+_SETTLE_S = 2.0  # time in which the last goal's distance may still arrive
 
 
 class ActionSettings(msgspec.Struct, frozen=True, kw_only=True):
     arrive_m: float = 0.7  # not less than where autonomous-drive starts to drive again
-    silence_s: float = 10.0  # of the distance, before the mission fails
+    silence_s: float = 10.0  # silence of the distance before the mission fails
 
 
 class AutonomousDriveAction:
@@ -36,7 +36,7 @@ class AutonomousDriveAction:
         self._goals, self._settings = tuple(goals), settings
         self._index = 0
         self._state: MissionState = "running"
-        self._told: tuple[MissionState, int] | None = None
+        self._published: tuple[MissionState, int] | None = None
         self._next_status_s = -math.inf
         self._distance_m = math.nan
         self._changed_s = self._heard_s = math.nan
@@ -77,14 +77,14 @@ class AutonomousDriveAction:
             self.reason = f"no {topics.DISTANCE.name} for {self._settings.silence_s:g} s"
         now = (self._state, self._index)
         messages: list[OutgoingMessage] = []
-        if now != self._told and not self.is_done:
+        if now != self._published and not self.is_done:
             messages.append(
                 OutgoingMessage(topics.GOAL_FIX, _make_goal_fix(self._goals[self._index]))
             )
-        if now != self._told or t_s >= self._next_status_s:
+        if now != self._published or t_s >= self._next_status_s:
             self._next_status_s = t_s + 1.0
             messages.append(OutgoingMessage(topics.STATUS, rosmsg.make_status(self._make_status())))
-        self._told = now
+        self._published = now
         return messages
 
     def finish(self) -> Sequence[OutgoingMessage]:

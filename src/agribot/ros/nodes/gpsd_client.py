@@ -26,18 +26,18 @@ class GpsdReport(NamedTuple):
     """An epoch: a fix, or none and what the receiver sees meanwhile.
 
     `stamp_s` is the receiver's time of the fix, 0 without one, `arrived_s` this machine's; both
-    since 1970. `is_accuracy_told` says that the accuracy of the fix is the receiver's word.
+    since 1970. `is_accuracy_known` says that the accuracy of the fix is the receiver's word.
     """
 
     stamp_s: float
     arrived_s: float
     fix: GnssFix | None
     status: GnssStatus
-    is_accuracy_told: bool = False
+    is_accuracy_known: bool = False
 
 
 class GpsdReports(Protocol):
-    """What brings the reports, in a thread of its own."""
+    """Reports of gpsd, in a thread of their own."""
 
     def take(self) -> Sequence[GpsdReport]:
         """Take what has come since the last call."""
@@ -90,7 +90,7 @@ class GpsdClient(EndlessStage):
         extended = rosmsg.make_extended_fix(fix, report.status, settings.frame_id)
         extended.time = report.stamp_s
         said = [OutgoingMessage(self._extended, extended)]
-        is_unknown = not report.is_accuracy_told
+        is_unknown = not report.is_accuracy_known
         if is_unknown:
             extended.position_covariance_type = _UNKNOWN
         if found is None:

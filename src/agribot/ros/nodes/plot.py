@@ -10,7 +10,7 @@ from agribot.core import topics
 from agribot.core.topics import Topic
 from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
-MAX_SAMPLES = 200_000  # of one topic: hours at 20 Hz
+MAX_SAMPLES = 200_000  # samples of one topic: hours at 20 Hz
 
 SERIES = {
     topics.HEADING_RAW.name: "heading_raw_deg",

@@ -30,9 +30,9 @@ from agribot.ros.ros1.subscription import Subscription
 from agribot.ros.ros1.types import to_ros1_name
 
 NAME = "/move_base"
-_STATUS_PERIOD_S = 0.2  # by wall clock: clients take a server that is silent for lost
+_STATUS_PERIOD_S = 0.2  # period by wall clock: clients take a server that is silent for lost
 _FEEDBACK_PERIOD_S = 0.2
-_SHOWN_S = 5.0  # for which a goal that is over stays in the status; the newest one stays
+_SHOWN_S = 5.0  # time for which a goal that is over stays in the status; the newest one stays
 _DEPTH = 50
 _MOST_ID = 200  # characters of a goal's id
 # actionlib_msgs/GoalStatus

@@ -22,7 +22,7 @@ from agribot.ros.ros1.types import generate_definition, to_ros1_name
 
 _OK = 1
 _CONNECT_S = 5.0
-_ALIVE_S = 2.0  # in which a node of the same name must take a connection
+_ALIVE_S = 2.0  # time in which a node of the same name must take a connection
 
 
 class Publication:

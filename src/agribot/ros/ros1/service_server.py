@@ -37,7 +37,7 @@ class ServiceType(NamedTuple):
 
     @property
     def md5(self) -> str:
-        """What both sides compare; right for fields of built-in types only."""
+        """Checksum that both sides compare; right for fields of built-in types only."""
         return hashlib.md5(
             (self.request + self.response).encode(), usedforsecurity=False
         ).hexdigest()

@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from agribot.core.errors import BridgeError
 
 MAX_HEADER_BYTES = 1_000_000
-MAX_MESSAGE_BYTES = 1_000_000  # all commands are far smaller
-MAX_SENSOR_BYTES = 64_000_000  # and so are all images
+MAX_MESSAGE_BYTES = 1_000_000  # size above all commands
+MAX_SENSOR_BYTES = 64_000_000  # size above all images
 _LENGTH = struct.Struct("<I")
 
 

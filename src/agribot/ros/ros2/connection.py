@@ -10,7 +10,7 @@ from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2.node import ROUTER, Ros2Node, TopicPublisher
 
-NO_HASH = "TypeHashNotSupported"  # of ROS 2 Humble
+NO_HASH = "TypeHashNotSupported"  # hash of ROS 2 Humble
 
 
 class Ros2Connection:

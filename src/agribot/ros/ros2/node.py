@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import zenoh
 
 ROUTER = "tcp/127.0.0.1:7447"
-_HEARTBEAT_S = 0.5  # of latched topics, as rmw_zenoh does
+_HEARTBEAT_S = 0.5  # period of latched topics, as in rmw_zenoh
 
 
 class Ros2Node:
@@ -36,7 +36,7 @@ class Ros2Node:
         self.zid = str(self.session.info.zid())
         self._name = wire.NodeName(domain=domain, zid=self.zid, name=name)
         self._ids = itertools.count(1)
-        self._kept: list[Any] = []  # what is dropped is undeclared
+        self._kept: list[Any] = []  # zenoh undeclares every object that is dropped
         self._declare_token(self._name.make_token())
 
     def keep(self, declared: Any) -> None:
@@ -229,7 +229,7 @@ def _make_config(mode: str, listen: Sequence[str], connect: Sequence[str]) -> ze
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
-        "scouting/multicast/enabled": False,  # by default nothing leaves this machine
+        "scouting/multicast/enabled": False,  # nothing leaves this machine by default
         "scouting/gossip/enabled": True,
         "timestamping/enabled": True,  # latched topics are ordered by it
     }

@@ -22,9 +22,10 @@ from agribot.ros.ros2.services import load_service_types
 from agribot.ros.send_queue import SendQueue
 
 _SOURCE = "ROS 2"
-_MOST_REPLIES = 100  # that wait to be sent
+_MOST_REPLIES = 100  # replies that wait to be sent
 _INBOUND_QOS = Qos()
-POSE_PARAMETERS = ("initial_pose.x", "initial_pose.y", "initial_pose.yaw")  # as of Nav2's amcl
+# Parameters of Nav2's amcl.
+POSE_PARAMETERS = ("initial_pose.x", "initial_pose.y", "initial_pose.yaw")
 
 
 class Ros2RobotServer:

@@ -60,10 +60,12 @@ int16 number_of_poses_remaining
 NAVIGATE_TO_POSE = "nav2_msgs/action/NavigateToPose"
 _TO_POSE_GOAL = "geometry_msgs/PoseStamped pose\nstring behavior_tree\n"
 _TO_POSE_FEEDBACK = _NAVIGATE_FEEDBACK.replace("int16 number_of_poses_remaining\n", "")
-# Of ROS 2 Jazzy, with the text that was added later and without; the hash distinguishes them.
+# Results of ROS 2 Jazzy, with the text that was added later and without; the hash distinguishes
+# them.
 NAVIGATE_RESULTS = ("uint16 error_code\nstring error_msg\n", "uint16 error_code\n")
 _UUID = "unique_identifier_msgs/UUID goal_id\n"
-_PLACEHOLDER = "uint8 structure_needs_at_least_one_member\n"  # of an empty request or response
+# Member of an empty request or response.
+_PLACEHOLDER = "uint8 structure_needs_at_least_one_member\n"
 
 
 @functools.cache

@@ -19,8 +19,8 @@ from agribot.sim.camera.arrays import (
 from agribot.sim.camera.shadows import BLOCK, BLOCK_BITS
 from agribot.sim.jit import compile_fast, inline_fast
 
-TERRAIN = -2  # what `Targets.instance` holds where terrain was drawn
-TONE_SIZE = 256  # of the square of slow changes of brightness
+TERRAIN = -2  # value of `Targets.instance` where terrain was drawn
+TONE_SIZE = 256  # side of the square of slow changes of brightness
 SHARPNESS = 1.5  # texels to a pixel above which a smaller copy of a texture is used
 # Neighbouring pixels change to the smaller copy at slightly different distances, which hides
 # the seam: factors 2^(-1/2 .. 1/2) in the order of a 4 x 4 Bayer matrix.

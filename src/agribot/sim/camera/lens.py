@@ -17,11 +17,11 @@ from agribot.sim.camera.arrays import PinholeView, Singles, Targets
 from agribot.sim.jit import compile_fast
 
 TOLERANCE_PX = 0.01
-MAX_WIDENING = 3.0  # of the pinhole picture against the distorted one
+MAX_WIDENING = 3.0  # largest size of the pinhole picture against the distorted one
 
 
 class Lens(NamedTuple):
-    """For each drawn pixel of the distorted picture, its place in the pinhole picture.
+    """Place of each drawn pixel of the distorted picture in the pinhole picture.
 
     `source` (height, width, 2) holds columns and rows; the pinhole picture is wider by `pad_x_px`
     on the left and right and by `pad_y_px` above and below.

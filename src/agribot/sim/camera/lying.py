@@ -10,14 +10,14 @@ import numpy as np
 from agribot.core.messages import Vec3
 from agribot.sim.camera.arrays import Singles
 
-CRUSHED_RATIO = 0.12  # of the height that is left
-CUT_RATIO = 0.35  # a plant out of the ground lies looser than one that was rolled over
-LEAN_RATIO = 0.7  # how far its top lies ahead of its foot, in heights
-# Of red, green and blue. Torn leaves are wet and full of soil; above 1 stands for the light that a
-# pressed mesh lacks, whose normals are those of the upright one.
+CRUSHED_RATIO = 0.12  # share of the height that is left
+CUT_RATIO = 0.35  # the same of a plant out of the ground, looser than one that was rolled over
+LEAN_RATIO = 0.7  # distance of its top ahead of its foot, in heights
+# Factors of red, green and blue. Torn leaves are wet and full of soil; above 1 stands for the light
+# that a pressed mesh lacks, whose normals are those of the upright one.
 BRUISED = (1.45, 1.30, 1.20)
 WILTED = (1.30, 0.90, 0.85)
-WILTING_S = 1800.0  # from bruised to wilted, in the sun
+WILTING_S = 1800.0  # time from bruised to wilted, in the sun
 LOOK_STEP_S = 60.0
 
 

@@ -28,9 +28,11 @@ from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, SHADE, U, V
 from agribot.sim.jit import compile_fast, inline_fast
 
 SOIL = int(PlantClass.SOIL)
-SMALL_BOX_PX = 400  # above, looking for a free pixel costs more than drawing
+SMALL_BOX_PX = (
+    400  # largest box that is searched for a free pixel; in a larger one drawing is cheaper
+)
 SMALL_TRIANGLE_PX = 200
-CLEARLY = 1.000001  # nearer by more than the rounding of single precision
+CLEARLY = 1.000001  # ratio of nearness above the rounding of single precision
 
 
 @compile_fast

@@ -13,14 +13,14 @@ from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.jit import compile_fast, inline_fast
 
 LEVELS = 8
-FINE_SAMPLES = 2_000_000  # up to here the light is drawn twice as fine as the heights
-UNIT = 128.0  # of the bytes of light: that of level ground in the sun
-RISE_M = 0.25  # what casts a shadow on the ground nearby is no higher over it than this
-PENUMBRA = 0.08  # of the distance from what casts a shadow, and at least
+FINE_SAMPLES = 2_000_000  # largest number of heights whose light is drawn twice as fine
+UNIT = 128.0  # byte of light of level ground in the sun
+RISE_M = 0.25  # largest height of ground that casts a shadow on the ground nearby
+PENUMBRA = 0.08  # width over the distance from the shadow's caster, and at least
 PENUMBRA_M = 0.002
 HOLLOW_LEVEL = 2  # the copy of the heights against which a hollow is dark
 HOLLOW_M, DARKEST, BRIGHTEST = 0.035, 0.45, 1.12
-CRUMB_SLOPE = 0.16  # of crumbs that no grid holds
+CRUMB_SLOPE = 0.16  # slope of crumbs finer than any grid
 REFRESH_M = 2.0  # wheels change the ground no farther from the robot than this
 AROUND = 2  # samples whose slope a changed one changes
 

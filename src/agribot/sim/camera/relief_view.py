@@ -38,7 +38,7 @@ BAND = 32  # rows that are walked together, from the nearest up
 COARSE = 4  # pixels between the first rays of a band
 BACK_M = 0.01  # distance from a ray's start to the end of the one below it
 SMOOTH_M = 0.006  # heights between four rays that differ by less are interpolated
-SHORT_M = 0.05  # of the ground between two coarse rays, along the view
+SHORT_M = 0.05  # length of the ground between two coarse rays, along the view
 LEVEL_UP = -0.08  # rays that fall less are never interpolated
 STEEPNESS = 0.7  # slopes of the ground that steps allow for
 MOST_STEPS = 64
@@ -110,7 +110,7 @@ def _open_cells(
     near, start, rays = found.near, found.start, found.rays
     width, is_upright = view.width, view.camera_from_map[1, 2] < 0.0
     lines, columns = near.shape[0] - 1, near.shape[1] - 1
-    spare = np.empty(columns, np.float32)  # by how much of inverse depth a column is hidden
+    spare = np.empty(columns, np.float32)  # margin of inverse depth by which a column is hidden
     asked, count = 0, 0
     for line in range(0, min(lines, view.height - top), COARSE):
         spare[:] = math.inf

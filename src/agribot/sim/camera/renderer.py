@@ -56,9 +56,9 @@ from agribot.sim.camera.terrain import draw_terrain, project_terrain
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.stl import find_mesh_file
 
-LOD_PX = (150.0, 70.0, 32.0, 16.0)  # below these apparent sizes the next coarser mesh is drawn
+LOD_PX = (150.0, 70.0, 32.0, 16.0)  # apparent sizes below which the next coarser mesh is drawn
 LEAST_PX = 1.2
-METER_STEP = 4  # every fourth drawn pixel of every fourth row counts for the exposure
+METER_STEP = 4  # step of the exposure meter: every fourth drawn pixel of every fourth row counts
 METER_GAIN = (0.125, 8.0)
 Run = Callable[[Callable[[int, int], None], int], None]
 

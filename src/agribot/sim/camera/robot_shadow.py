@@ -15,7 +15,7 @@ from agribot.sim.camera.arrays import Bytes, Doubles, Forms, Instances, RobotSha
 from agribot.sim.jit import compile_fast
 
 STEP_M = 0.01
-MAX_TEXELS = 600  # along a side; the step grows when the shadow is longer
+MAX_TEXELS = 600  # texels along a side; the step grows when the shadow is longer
 MARGIN = 3
 LIT = 255
 OVERCAST_BLUR_M = 0.06  # deviation of the blur where no light is direct

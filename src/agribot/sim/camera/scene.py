@@ -1,4 +1,4 @@
-"""From a world to the arrays that the renderer draws: forms, instances and ground."""
+"""Arrays of a world that the renderer draws: forms, instances and ground."""
 
 from __future__ import annotations
 
@@ -37,11 +37,12 @@ from agribot.sim.flora.species import (
 from agribot.sim.flora.texture import build_leaf_atlas, make_tileable_noise
 from agribot.sim.ground_surface import GroundSurface
 
-PLAIN_LAYER = len(SPECIES)  # of the thing textures: an almost even grey that takes the tint
+PLAIN_LAYER = len(SPECIES)  # layer of the thing textures: an almost even grey that takes the tint
 MAX_TILT_RAD = 0.10
 FAR_EDGE_M = 1.0e9
 TONE_PER_M = 8.0
-FAR_CONTRAST = 0.85  # from one copy to the next: from afar the repeats of a texture would show
+# Contrast from one copy to the next: from afar the repeats of a texture would show.
+FAR_CONTRAST = 0.85
 GROUND_LEVELS, LEAF_LEVELS = 9, 7
 
 

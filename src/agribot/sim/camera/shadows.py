@@ -20,7 +20,8 @@ LOWEST_SUN = 0.2  # sine of the elevation: longer shadows are cut to this
 SHADOW_LOD = 1
 LIT = 255
 CLEAR_DIFFUSE = 0.5  # direct light from which on shadows are as sharp as they get
-OVERCAST_PASSES = 12  # more of the 3 x 3 mean where no light is direct: a blur of about 3 cm
+# Further passes of the 3 x 3 mean where no light is direct: a blur of about 3 cm.
+OVERCAST_PASSES = 12
 OVERCAST_MARGIN_M = 0.1
 
 

@@ -11,7 +11,7 @@ from agribot.core.robot import Shape
 from agribot.sim.flora.mesh import Mesh
 from agribot.sim.flora.species import LODS
 
-SIDES = (28, 18, 12, 8, 6)  # of round things, by level of detail
+SIDES = (28, 18, 12, 8, 6)  # sides of round things, by level of detail
 
 
 def build_shape_lods(shape: Shape) -> tuple[Mesh, ...]:

@@ -15,7 +15,7 @@ from agribot.core.facts import BoardHung, BoardStopped
 from agribot.core.messages import BoardSample, ClearStop, SafetyInput, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-# Of the firmware: its watchdog, and from its reset until it reports and is configured, s.
+# Times of the firmware: its watchdog, and from its reset until it reports and is configured, s.
 WATCHDOG_S, AWAY_S = 0.12, 0.2
 
 
@@ -27,8 +27,8 @@ class PressedButton:
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
         is_pressed = self._fault.is_on(batch.t_s)
-        told = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
-        return msgspec.structs.replace(batch, board=(*batch.board, told))
+        report = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
+        return msgspec.structs.replace(batch, board=(*batch.board, report))
 
 
 class SilentInputs:
@@ -38,17 +38,17 @@ class SilentInputs:
         self._fault = fault
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
-        told = BoardSample(t_s=batch.t_s, inputs=get_args(SafetyInput))
-        batch = msgspec.structs.replace(batch, board=(told, *batch.board))
+        report = BoardSample(t_s=batch.t_s, inputs=get_args(SafetyInput))
+        batch = msgspec.structs.replace(batch, board=(report, *batch.board))
         if not self._fault.is_on(batch.t_s):
             return batch
         heard = {"board": batch.board, "bumper": batch.bumper, "battery": batch.battery}
         return msgspec.structs.replace(batch, **hush_inputs(heard))
 
 
-def hush_inputs(told: Mapping[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
+def hush_inputs(report: Mapping[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
     """Remove the safety inputs from what a board reports."""
-    mute = (msgspec.structs.replace(one, inputs=()) for one in told["board"])
+    mute = (msgspec.structs.replace(one, inputs=()) for one in report["board"])
     return {"board": tuple(mute), "bumper": (), "battery": ()}
 
 
@@ -100,11 +100,11 @@ class HungBoard:
         if away_s < AWAY_S:
             return msgspec.structs.replace(batch, wheels=())
         self._is_cleared = any(isinstance(event.request, ClearStop) for event in batch.requests)
-        told = BoardSample(t_s=batch.t_s) if self._is_cleared else _tell_reset(batch.t_s)
-        return msgspec.structs.replace(batch, board=(*batch.board, told))
+        report = BoardSample(t_s=batch.t_s) if self._is_cleared else _make_reset_report(batch.t_s)
+        return msgspec.structs.replace(batch, board=(*batch.board, report))
 
 
-def _tell_reset(t_s: float) -> BoardSample:
+def _make_reset_report(t_s: float) -> BoardSample:
     return BoardSample(
         t_s=t_s,
         stop=BoardStopped(("began",)),

@@ -16,7 +16,7 @@ from agribot.sim.faults.schedule import Fault
 from agribot.sim.faults.tipping import Tipping
 from agribot.sim.physics import Physics
 
-MUD_RADIUS_M = 2.0  # of the hollow around the place where the mud begins
+MUD_RADIUS_M = 2.0  # radius of the hollow around the place where the mud begins
 POLE_AHEAD_M, POLE_RADIUS_M, POLE_HEIGHT_M = 2.0, 0.05, 1.2
 
 

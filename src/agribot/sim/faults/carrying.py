@@ -12,7 +12,7 @@ from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
 
 LIFT_M = 0.1
-# Of the whole time: up to here it only rises, from here on it only sinks.
+# Shares of the whole time: up to here it only rises, from here on it only sinks.
 UP, DOWN = 0.3, 0.7
 
 

@@ -54,7 +54,7 @@ LAST = ("link.noise", "clock.step")
 
 
 class BatchFault(Protocol):
-    """What stands between the true samples of a tick and those that the robot gets."""
+    """Fault between the true samples of a tick and those that the robot gets."""
 
     def alter(self, batch: SensorBatch) -> SensorBatch: ...
 
@@ -139,7 +139,7 @@ class FaultLayer:
 
 
 class FaultMaterial(NamedTuple):
-    """What a fault may need to be made: its own random stream, the robot and the world."""
+    """Material of a fault: its own random stream, the robot and the world."""
 
     rng: np.random.Generator
     robot: RobotSpec
@@ -163,7 +163,7 @@ def _make_offset(fault: Fault, around: FaultMaterial) -> BatchFault:
     return Offset(fault, around.world.datum, around.rng)
 
 
-# What a fault does to samples; those that are missing here do nothing to them.
+# Effects of faults on samples; a fault without an entry has none.
 MAKERS: dict[str, MakeFault] = {
     "gnss.outage": lambda fault, _: Outage(fault),
     "gnss.jump": _make_offset,

@@ -11,7 +11,7 @@ import numpy as np
 from agribot.core.messages import SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-# What comes over a line, and the numbers that stand in its messages.
+# Lines, and the numbers in their messages.
 NUMBERS = {
     "wheels": ("angle_rad", "speed_radps"),
     "imu": ("gyro_radps", "accel_mps2"),
@@ -26,7 +26,7 @@ Stamped = TypeVar("Stamped", bound=msgspec.Struct)
 
 
 class NoisyLink:
-    """Of all messages a share is hit: half of these are lost, in the others one bit is false.
+    """A share of all messages is hit: half of these are lost, in the others one bit is false.
 
     There is no checksum: what the bit stood for decides whether the number is a little off,
     absurd, or none at all.
@@ -70,7 +70,7 @@ def flip_bit(value: float, bit: int) -> float:
 
 
 class SilentBoard:
-    """No wheel sample comes; that commands are not heard either is `BodyFaults`' part."""
+    """The board sends no wheel sample; that it ignores commands too is `BodyFaults`' part."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault

@@ -56,7 +56,7 @@ def find_mount_shift_m(faults: Sequence[Fault], t_s: float) -> float:
 
 
 class Looking(Protocol):
-    """What looks at the frames of a batch, off the control loop."""
+    """Viewer of the frames of a batch, off the control loop."""
 
     @property
     def meter(self) -> Any: ...

@@ -11,11 +11,11 @@ from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-RTK_STD_M = 0.014  # what a receiver with corrections says of a fixed solution
+RTK_STD_M = 0.014  # stated error of a fixed solution with corrections
 
 
 class Outage:
-    """No fix and no heading of two antennas."""
+    """The receiver gives no fix and no heading of two antennas."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault

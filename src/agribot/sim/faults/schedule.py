@@ -18,7 +18,7 @@ SYNTAX = "NAME[=VALUE]@T[+SECONDS]"
 LONGEST_MISSION_S = 86_400.0  # a day; no battery lasts as long
 ROUNDING_S = 1e-9
 SHORTEST_CARRY_S = 1.0
-CARRY_MPS = 0.5  # so slowly that a tilt sensor is not deceived
+CARRY_MPS = 0.5  # speed at which a tilt sensor is not deceived
 CAMERA_PARTS = ("camera", "network")
 
 
@@ -41,7 +41,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def handled_until_s(self) -> float | None:
-        """When hands that move the robot let go of it; None where none do."""
+        """Time when hands that move the robot let go of it; None where none do."""
         if self.kind.at_start:
             return self.begin_s
         carried_s = max(SHORTEST_CARRY_S, abs(self.number) / CARRY_MPS)

@@ -12,7 +12,7 @@ from agribot.sim.physics import Physics
 from agribot.sim.state import ANGULAR
 
 LIFTING_S = 2.0
-# What lifts is as stiff as ten times the robot's weight at half its wheelbase, and damped.
+# Stiffness over the robot's weight at half its wheelbase, and damping, of the lifting force.
 STIFFNESS, DAMPING_RATIO = 10.0, 0.7
 
 

@@ -13,7 +13,7 @@ from agribot.sim.flora.mesh import Leaves, Profile
 
 GOLDEN_ANGLE_RAD = math.pi * (3.0 - math.sqrt(5.0))
 STAGES = (0.25, 0.6, 1.0)  # growth stages that are modelled; plants take the nearest
-SEEDLING_STAGE = 0.1  # of species whose seedlings have leaves of other shapes
+SEEDLING_STAGE = 0.1  # growth of species whose seedlings have leaves of other shapes
 Colour = tuple[int, int, int]
 
 

@@ -26,8 +26,8 @@ from agribot.sim.flora.mesh import (
 LODS = 5
 _FROM_SEEDLINGS = (SEEDLING_STAGE, *STAGES)
 
-# A new species goes to the end: the leaf textures are drawn in this order, and those that the
-# shipped network was trained on must not change.
+# All species; a new one goes to the end: the leaf textures are drawn in this order, and those that
+# the shipped network was trained on must not change.
 _ALL = (
     Species("sugar_beet", PlantClass.CROP, 0.25, crops.grow_sugar_beet, 7, (76, 128, 50),
             (150, 184, 112), (150, 172, 104), 8, 0.10, 0),

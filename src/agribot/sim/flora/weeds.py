@@ -209,7 +209,7 @@ def _grow_creeping_stems(rng: np.random.Generator) -> list[Leaves]:
     along = reach[branch.astype(int)]
     length = rng.uniform(0.30, 0.60) * rng.uniform(0.7, 1.2, len(node))
     pitch_deg = rng.uniform(5, 40, len(node))
-    pitch_deg[0] = pitch_deg.max()  # of half of the leaves, one is as high as any
+    pitch_deg[0] = pitch_deg.max()  # one leaf of half of them is as high as any
     blades = grow_leaves(
         rng, along + side, length=length, width=rng.uniform(0.16, 0.32) * length,
         pitch_deg=pitch_deg, curl=(0.0, 0.6), profile=_knotweed_blade,

@@ -19,9 +19,9 @@ from agribot.sim.attitude import read_rotation
 from agribot.sim.implements.sections import DelayedSections, SectionSwath
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
-BLADE_M = 0.03  # along the way
-WORKING_RATIO = 0.8  # of the commanded depth; from there on, a blade uproots
-# Soil holds back with its whole force above this speed, and not at all a blade that stands.
+BLADE_M = 0.03  # length of a blade along the way
+WORKING_RATIO = 0.8  # share of the commanded depth from which a blade uproots
+# Speed from which soil holds back with its whole force; a blade that stands has none.
 FULL_DRAUGHT_MPS = 0.1
 
 
@@ -31,7 +31,7 @@ class HoeEffect:
     def __init__(self, spec: HoeSpec, world: WorldSpec, base_height_m: float) -> None:
         self.worked_m2 = 0.0
         self._spec, self._base_height_m = spec, base_height_m
-        self._told = DelayedSections(spec)
+        self._sections = DelayedSections(spec)
         self._depth_m = np.full(spec.section_count, -spec.lift_m)  # negative: above the ground
         self._wanted_m = spec.depth_m
         self._blade_y_m = np.array(spec.section_y_body_m())
@@ -46,15 +46,15 @@ class HoeEffect:
                 f"working depth of {depth_m} m; the blades of this hoe reach "
                 f"{self._spec.depth_m:g} m"
             )
-        self._told.command(t_s, command.sections_on)
+        self._sections.command(t_s, command.sections_on)
         if command.is_on:
             self._wanted_m = depth_m
 
     def update(self, t_s: float, before: FloatArray, after: FloatArray, dt_s: float) -> None:
         """Move the blades over the tick that ends at `t_s`, then cut with them."""
-        self._told.advance(t_s - dt_s)
+        self._sections.advance(t_s - dt_s)
         spec = self._spec
-        goal_m = np.where(self._told.is_on, self._wanted_m, -spec.lift_m)
+        goal_m = np.where(self._sections.is_on, self._wanted_m, -spec.lift_m)
         step_m = (spec.lift_m + spec.depth_m) / spec.stroke_s * dt_s
         self._depth_m += np.clip(goal_m - self._depth_m, -step_m, step_m)
         is_in_soil = self._depth_m > 0.0

@@ -10,7 +10,7 @@ from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import WorldSpec
 from agribot.sim.footprints import Footprints, list_places_m, project_to_ground
 
-NEAR_M = 0.1  # farther off, the section works for another weed
+NEAR_M = 0.1  # distance within which the section works for this weed
 
 
 class SectionNearness:

@@ -27,7 +27,7 @@ class PointEffect:
     def __init__(self, spec: PointSpec, world: WorldSpec, base_height_m: float) -> None:
         self.worked_m2 = 0.0
         self._spec = spec
-        self._told = DelayedSections(spec)
+        self._sections = DelayedSections(spec)
         self._pending: deque[tuple[float, ImplementCommand]] = deque()
         self._aims_m = np.array([(0.0, y_m) for y_m in spec.section_y_body_m()])
         self._wanted_m = self._aims_m.copy()
@@ -42,7 +42,7 @@ class PointEffect:
         self._treated: dict[int, float] = {}
 
     def command(self, t_s: float, command: ImplementCommand) -> None:
-        self._told.command(t_s, command.sections_on)
+        self._sections.command(t_s, command.sections_on)
         half_m = self._spec.section_width_m / 2.0 + 1e-9
         for head, y_m in enumerate(self._spec.section_y_body_m()):
             aim = read_aim(command, head)
@@ -57,7 +57,7 @@ class PointEffect:
     def update(self, t_s: float, before: FloatArray, after: FloatArray, dt_s: float) -> None:
         """Move the aims over the tick that ends at `t_s`, then heat what is below them."""
         start_s = t_s - dt_s
-        self._told.advance(start_s)
+        self._sections.advance(start_s)
         while self._pending and self._pending[0][0] <= start_s + SAME_TIME_S:
             _, command = self._pending.popleft()
             for head in range(self._spec.section_count):
@@ -66,7 +66,9 @@ class PointEffect:
                     self._wanted_m[head] = aim
         self._move(dt_s)
         for head in range(self._spec.section_count):
-            is_lit = bool(self._told.is_on[head]) and start_s >= self._ready_s[head] - SAME_TIME_S
+            is_lit = (
+                bool(self._sections.is_on[head]) and start_s >= self._ready_s[head] - SAME_TIME_S
+            )
             if is_lit:
                 self.worked_m2 += 0.0 if self._is_lit[head] else self._spot_m2
                 self._shine(head, t_s, (before, after), dt_s)

@@ -15,12 +15,12 @@ from agribot.sim.sensors.presets import FloatOutages, HectorGnss, PhysicalGnss, 
 from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
-# No receiver claims a better velocity, whatever the error model says.
+# Least velocity error that a receiver claims, whatever the error model says.
 BEST_VELOCITY_STD_MPS = 0.01
 
 
 class Antenna:
-    """Where the antenna is and how it moves; `arm_m` is its place in base axes."""
+    """Place and motion of the antenna; `arm_m` is its place in base axes."""
 
     def __init__(self, datum: Datum, arm_m: Vec3) -> None:
         self._frame = MapFrame(datum)

@@ -37,7 +37,7 @@ class Imu:
 
     @property
     def bias(self) -> tuple[Vec3, Vec3]:
-        """What the last sample of a standing robot had too much, but for its noise."""
+        """Errors of a standing robot's last sample, without its noise."""
         a, b, c, d, e, f = self._bias
         accel, gyro = (a, b, c), (d, e, f)
         if self._tuning is not None:

@@ -39,7 +39,7 @@ from agribot.sim.sensors.presets import (
 from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.sensors.wheel_encoders import WheelEncoders
 
-# Where neither the preset nor the robot description names a rate.
+# Rates if neither the preset nor the robot description names one.
 DEFAULT_IMU_HZ, DEFAULT_MAG_HZ, DEFAULT_GNSS_HZ = 200.0, 20.0, 5.0
 
 Sample_co = TypeVar("Sample_co", covariant=True)

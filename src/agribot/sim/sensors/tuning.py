@@ -17,7 +17,7 @@ NEUTRAL = {
     "drift_frequency": 1.0 / 3600.0,
     "scale_error": 1.0,
 }
-# What can be tuned, and its unit.
+# Sensors that can be tuned, and their units.
 SENSORS = {
     "gnss": "m",
     "gnss_velocity": "m/s",
@@ -29,7 +29,7 @@ SENSORS = {
 # Largest noise, offset and drift of a sensor, in its unit: beyond it no receiver or chip is in use.
 LARGEST = {"gnss": 100.0, "gnss_velocity": 10.0, "accel": 50.0, "gyro": 10.0, "mag": 1.0}
 FASTEST_DRIFT_HZ = 100.0
-LARGEST_SCALE = 10.0  # of a scale error, to both sides
+LARGEST_SCALE = 10.0  # largest scale error, to both sides
 
 
 def find_range(sensor: str, parameter: str) -> tuple[float, float]:

@@ -23,7 +23,7 @@ class HandRequest(NamedTuple):
 
 
 class Wish(NamedTuple):
-    """Of one look at a device; no twist: the hand has quit."""
+    """Input from one look at a device; no twist: the driver has quit."""
 
     twist: Twist | None
     requests: tuple[HandRequest, ...] = ()
@@ -54,7 +54,7 @@ class HandRates(msgspec.Struct, frozen=True, kw_only=True):
     scale: float = 1.0
 
     def twist(self, forward: float, left: float) -> Twist:
-        """Of two deflections in [-1, 1]."""
+        """Return the twist of two deflections in [-1, 1]."""
         speed_mps = self.forward_mps if forward > 0 else self.backward_mps
         return (self.scale * forward * speed_mps, self.scale * left * self.rotation_radps)
 

@@ -21,7 +21,8 @@ T = TypeVar("T")
 
 ANSWER_S = 5.0
 PING_S, CLOCK_LASTS_S = 0.5, 30.0
-OPEN_TIMEOUT_S = 30.0  # a small computer at its limit takes its time, most of all with TLS
+# Time limit of opening: a small computer at its limit is slow, most of all with TLS.
+OPEN_TIMEOUT_S = 30.0
 
 
 class RobotClock(NamedTuple):
@@ -107,7 +108,7 @@ class Remote:
         return id
 
     def verdicts(self) -> list[str]:
-        """Of the requests answered since the last call, one line each."""
+        """Return the verdicts on requests answered since the last call, one line each."""
         verdicts, self._verdicts = self._verdicts, []
         return verdicts
 

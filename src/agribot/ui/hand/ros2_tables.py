@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 PARAMETERS = "ros__parameters"
-# Of teleop_twist_joy; its own names of directions, and those of a twist.
+# Keys of teleop_twist_joy; its own names of directions, and those of a twist.
 TWIST_JOY_KEYS = {"axis_linear", "axis_angular", "enable_button", "enable_turbo_button"}
 DIRECTIONS = {
     "linear": {"": "linear.x", "x": "linear.x", "y": "linear.y", "z": "linear.z"},

@@ -191,7 +191,7 @@ class TableHand:
 
 
 def _ignore_step(_step: JointStep) -> None:
-    """Until somebody moves joints."""
+    """Ignore steps until an operator moves joints."""
 
 
 def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:

@@ -71,7 +71,7 @@ def about_run(
 
 
 def about_robot(address: Address, port: int, name: str) -> About:
-    """Of a description alone: nothing runs."""
+    """Describe a robot by its description alone: nothing runs."""
     config = msgspec.structs.replace(load("farm"), robot=name)
     robot, urdf, field = load_robot(name), export_urdf(name), field_of(config, ())
     about = about_run(address, port, config, robot, urdf, field, Path())

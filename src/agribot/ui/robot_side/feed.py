@@ -1,4 +1,4 @@
-"""From the robot to the page's server: newest state first, nothing that a slow page could hold up.
+"""The robot's feed of the page's server: newest state first, never held up by a slow page.
 
 The control loop only leaves its newest record here. A separate thread sends to the server, at
 its own pace: states by their newest value, everything that grows (trace, events, weeds) by what

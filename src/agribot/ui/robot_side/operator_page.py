@@ -140,7 +140,7 @@ class OperatorPage:
         self.server.close(at_once=takes_nothing)
 
     def _start_feeds(self) -> None:
-        """To a server that has just become ready: everything from the beginning."""
+        """Start the feeds of a server that is ready: everything from the beginning."""
         link = self.server.link
         self._feed = Feed(self._view, self._source, lambda data: self._send(link, data))
         self._camera = CameraFeed(self.server.camera_link)

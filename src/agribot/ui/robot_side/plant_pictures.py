@@ -26,11 +26,11 @@ from agribot.ui.robot_side.recent_frames import RecentFrames, SeenFrame
 KEPT = 2000
 MAX_BYTES = 10_000
 QUALITIES = (80, 60, 40, 20)
-SHOWN_PX = 128  # of a larger cut
+SHOWN_PX = 128  # side of a larger cut
 CUT_PX = (64, 224)
-CUT_RATIO = 3.0  # of the plant's diameter
+CUT_RATIO = 3.0  # side of a cut over the plant's diameter
 WAITING = 4  # scenes; older ones are left out when the thread has no time
-GAIN_RATIO = 0.75  # a picture is made anew only where the plant is that much nearer to the middle
+GAIN_RATIO = 0.75  # distance from the middle, over that of the last picture, for a new one
 MIDDLE_PX = 20.0  # near enough
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from agribot.core.messages import ByteArray, CameraFrame, Estimate, TickRecord
 
-KEPT = 16  # of frames: longer than a network takes, and some MB
+KEPT = 16  # number of frames: longer than a network takes, and some MB
 
 
 class SeenFrame(NamedTuple):

@@ -26,13 +26,15 @@ from agribot.ui.about import About, make_epoch
 from agribot.ui.address import Address, bound
 
 READY_TIMEOUT_S = 30.0
-# The server says four times a second that its loop goes round, while it loads a recording, too.
-# Pages have given up their lines by then; a slow machine needs far less for the longest step.
+# Silence of a server that hangs, s. A server reports four times a second that its loop goes round,
+# while it loads a recording, too. Pages have given up their lines by then; a slow machine needs far
+# less for the longest step.
 HANG_S = 10.0
-PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before it is started again, the longer the oftener
+PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # pauses before each new start
 STEADY_S = 60.0  # uptime after which the pauses begin anew
 END = wire.encode(wire.End())
-READY = wire.encode(wire.Ready())  # it serves; it may have said before that its loop goes round
+# Report of a server that serves; one about its loop may come before.
+READY = wire.encode(wire.Ready())
 
 
 def report(text: str) -> None:
@@ -70,7 +72,7 @@ class ServerProcess:
         self.url = address.url(self.port)
         self.has_ended = threading.Event()
         self._is_closed = threading.Event()
-        self._starting = threading.Lock()  # of a process, never after `close`
+        self._starting = threading.Lock()  # lock of starting a process, never taken after `close`
         self._reader: threading.Thread | None = None
         self._heard_s = 0.0
         self._has_served = False
@@ -101,7 +103,7 @@ class ServerProcess:
         try:
             self.process.start()
         finally:
-            far.close()  # so that the death of one side is the end of the other's line
+            far.close()  # the end of either side must end the other's line
             camera_far.close()
 
     def listen(
@@ -128,7 +130,7 @@ class ServerProcess:
     def _follow(
         self, hear: Callable[[bytes], None], look: Callable[[], None], every_s: float
     ) -> None:
-        """Until the process is gone; one that hangs is ended, and one that does not begin."""
+        """Follow the process to its end; one that hangs is ended, and one that does not begin."""
         begin_s = time.monotonic()
         with contextlib.suppress(OSError, EOFError):
             while True:

@@ -54,7 +54,7 @@ def qr_svg(url: str) -> str:
 
 
 async def field(request: Request) -> Response:
-    """Of the robot, or of the recording of this name that the caller is shown."""
+    """Return the field of the robot, or of the recording of this name that the caller is shown."""
     hub: Hub = request.app.state.hub
     name = request.query_params.get("recording")
     if name is None:

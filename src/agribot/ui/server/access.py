@@ -25,7 +25,7 @@ from agribot.ui.server.signed_session import RENEW_AFTER_S, Session, Signer
 
 Role = Literal["operator", "viewer"]
 
-BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # of Linux, random(4)
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # file of Linux, random(4)
 LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
 OPEN_PATHS = ("/", "/index.html", "/favicon.ico", "/icon.svg", "/licences.txt", "/api/v1/login")
 OPEN_FOLDERS = ("/assets/",)
@@ -81,7 +81,7 @@ class Access:
         """Judge one request; `kind` is "http" or "websocket", header names are lower case."""
         host = headers.get("host", "").lower()
         if host not in self._hosts:
-            reason = f"host '{host[:80]}' is none of this robot's names; use the address it printed"
+            reason = f"host '{host[:80]}' is not a name of this robot; use the address it printed"
             return Refusal(status=403, reason=f"{reason}, or start it with --allow-host")
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in {f"http://{host}", f"https://{host}"}:

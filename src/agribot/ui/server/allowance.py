@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-MAX_FRAMES_PER_S = 120  # 20 Hz of driving needs a sixth of it
-MAX_BURST = 480  # what a Wi-Fi that was away for some seconds brings at once
-FREE_BYTES = 1024  # of a frame that counts as one; a frame of N times as many counts as N more
+MAX_FRAMES_PER_S = 120  # frames a second, six times as many as driving at 20 Hz needs
+MAX_BURST = 480  # frames that arrive at once after some seconds without Wi-Fi
+FREE_BYTES = 1024  # size of a frame that counts as one; a frame of N times as many counts as N more
 
 
 class Allowance:
@@ -32,8 +32,8 @@ class FrameAllowance:
 
     def __init__(self, now_s: float) -> None:
         self._allowance = Allowance(now_s)
-        self._head = b""  # of a frame, where the data ended within it
-        self._skip_bytes = 0  # of the frame under way, which are still to come
+        self._head = b""  # head of a frame, if the data ended within it
+        self._skip_bytes = 0  # bytes of the frame under way that are still to come
 
     def find_excess(self, data: bytes, now_s: float) -> int | None:
         """Return how many bytes of `data` end with the first frame above the limit, or None."""

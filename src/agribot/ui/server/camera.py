@@ -23,7 +23,7 @@ from agribot.ui.server.guarded_connections import POLICY, TOO_MUCH
 from agribot.ui.server.hub import Hub
 
 MAX_VIEWERS = 32
-FOR_OPERATORS = 8  # of them
+FOR_OPERATORS = 8  # connections for operators
 CREDITS = 2
 LADDER = ((1.0, 75), (0.75, 60), (0.5, 55), (0.35, 45))  # size ratio, JPEG quality
 LOOK_AGAIN_S = 0.5  # whether this browser began to replay a recording

@@ -41,7 +41,7 @@ class Channel:
         self.epoch = make_epoch() if epoch is None else epoch
         self.clients: set[ChannelReader] = set()
         self.state: wire.State | None = None  # the newest
-        self._state_texts: dict[str, str] = {}  # by language
+        self._state_texts: dict[str, str] = {}  # texts by language
         self.trace_map_m: list[wire.Vec2] = []
         self.weeds: dict[int, wire.Weed] = {}
         self.path = wire.PathPiece()  # the whole of it

@@ -11,12 +11,12 @@ from agribot.ui.server.channel import Channel, signal_table
 from agribot.ui.server.languages import say_in
 from agribot.ui.server.window import LEAST_BYTES, Window
 
-STATES_KEPT = 4  # older ones are worth nothing
+STATES_KEPT = 4  # states in a queue; older ones are worth nothing
 DIRECT_KEPT = 100
-# Of one message, over a line of unknown speed; each is about two kilobytes, so that an
-# answer to a ping waits a fraction of a second behind it where the line takes 8 kB a second.
+# Limits of one message, over a line of unknown speed; each is about two kilobytes, so that an
+# answer to a ping waits a fraction of a second behind it on a line of 8 kB a second.
 POINTS, WEEDS, EVENTS = 100, 25, 15
-MOST_PARTS = 16  # as many times more, over a quick line
+MOST_PARTS = 16  # factor of the limits over a quick line
 
 
 class Client:
@@ -37,7 +37,7 @@ class Client:
         self.follow(channel)
 
     def follow(self, channel: Channel) -> None:
-        """From now on that one, from its beginning."""
+        """Follow another channel, from its beginning."""
         self.channel = channel
         self._states: deque[str] = deque(maxlen=STATES_KEPT)
         if channel.state is not None:

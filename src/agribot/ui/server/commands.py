@@ -129,7 +129,7 @@ class Commands:
 
     def _scale_speed(self, message: wire.ScaleSpeed) -> None:
         if message.ratio not in SCALES:
-            raise Refused(f"speed scale {message.ratio!r} is none of {SCALES}")
+            raise Refused(f"speed scale {message.ratio!r} is not one of {SCALES}")
         self._scale = message.ratio
         self._answer(message)
 
@@ -243,7 +243,7 @@ class Commands:
 
 
 def _is_late(sent_ms: float | None) -> bool:
-    """By the sender's estimate of this machine's clock; a hand that gives none is believed."""
+    """Return whether a request is late by the sender's clock; one without a time is not."""
     return sent_ms is not None and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
 
 

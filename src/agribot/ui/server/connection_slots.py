@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-MAX_CONNECTIONS = 200  # of browsers and programs together
+MAX_CONNECTIONS = 200  # connections of browsers and programs together
 STRANGER, VIEWER, OPERATOR = 0, 1, 2  # the more, the later it gives way
 
 

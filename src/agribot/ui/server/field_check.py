@@ -22,7 +22,7 @@ SHAPES = {
 }
 MAX_FEATURES = 10_000
 MAX_VERTICES = 200_000
-MAX_DISTANCE_M = 20_000.0  # from the field's origin; farther, the map is another one
+MAX_DISTANCE_M = 20_000.0  # distance from the field's origin; farther, the map is another one
 
 LonLat = tuple[float, float]
 

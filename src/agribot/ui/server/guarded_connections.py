@@ -23,16 +23,16 @@ from websockets.protocol import State
 from agribot.ui.server.allowance import MAX_FRAMES_PER_S, FrameAllowance
 from agribot.ui.server.connection_slots import ConnectionSlots, Slot
 
-HEAD_S = 10.0  # for the whole head of a request, and what is left of the one before
-LOOK_S = 2.0  # between two looks at what is not yet taken of an answer
-STALL_S = 60.0  # in which nothing of an answer is taken; a slow line may take as long as it needs
-HANDSHAKE_S = 5  # of TLS
-DAY_S = 24 * 3600  # of TLS's goodbye, which HEAD_S and CLOSE_S limit once all is sent
+HEAD_S = 10.0  # time for the whole head of a request, and the rest of the one before
+LOOK_S = 2.0  # period of looks at the untaken rest of an answer
+STALL_S = 60.0  # time without progress of an answer; a slow line may take as long as it needs
+HANDSHAKE_S = 5  # time limit of TLS
+DAY_S = 24 * 3600  # time limit of TLS's goodbye, which HEAD_S and CLOSE_S limit once all is sent
 ACCEPTED_AT_ONCE = 32
 PING_EVERY_S = 2.0
 SILENT_S = 6.0  # a browser answers three pings by then, also with its page asleep
-CLOSE_S = 2.0  # for the goodbyes of both sides
-STUCK_S = 10.0  # in which a page takes not a byte, though it sends
+CLOSE_S = 2.0  # time for the goodbyes of both sides
+STUCK_S = 10.0  # time in which a page takes not a byte, though it sends
 POLICY = 1008  # the code of RFC 6455 for a page that breaks a rule of the server
 TOO_MUCH = f"more than {MAX_FRAMES_PER_S} frames, or kilobytes, in a second"
 UNSENT_BYTES = 16 * 1024  # waiting in this machine; what is newer waits where it can be left out
@@ -200,7 +200,7 @@ class GuardedSocket(WebSocketsSansIOProtocol):
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
         transport.set_write_buffer_limits(high=UNSENT_BYTES)
-        with contextlib.suppress(OSError, AttributeError):  # where the system knows the option
+        with contextlib.suppress(OSError, AttributeError):  # some systems lack the option
             line = transport.get_extra_info("socket")
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
         self._look = self.loop.call_later(PING_EVERY_S, self._ping)

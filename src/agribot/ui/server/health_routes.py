@@ -40,7 +40,7 @@ from agribot.ui.server.languages import language_of
 from agribot.ui.server.off_the_loop import run_in_thread
 
 LOW_DISK_BYTES = 1_000_000_000
-LATE_RATIO = 0.8  # of a nominal rate, below which a sensor is slow
+LATE_RATIO = 0.8  # share of a nominal rate, below which a sensor is slow
 SILENT_S = 1.0
 LOW_CHARGE_PCT = 20.0
 LOW_ACCURACY_M = 0.1  # one sigma
@@ -141,7 +141,7 @@ def measure_rates(hub: Hub) -> list[wire.SensorRate]:
 
 
 def cpu_ratio(hub: Hub) -> float | None:
-    """Of one core, by the robot's program and this server together."""
+    """Load of one core by the robot's program and this server together."""
     counts = hub.counts
     passed_s = counts[-1].wall_s - counts[0].wall_s if counts else 0.0
     if passed_s <= 0.0:

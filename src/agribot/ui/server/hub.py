@@ -37,9 +37,9 @@ from agribot.ui.server.topic_sources import TITLES, TopicSources
 T = TypeVar("T")
 NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
-NOTES_PER_MINUTE = 60  # of each kind
+NOTES_PER_MINUTE = 60  # notes of each kind
 TELL_SEAT_S = 0.05
-ANSWER_S = 10.0  # of the robot's program
+ANSWER_S = 10.0  # time for an answer of the robot's program
 GAVE_WAY = (
     f"your recording gave way to that of another browser, {MAX_REPLAYS} can be shown at a time; "
     "this page shows the robot again"
@@ -60,7 +60,7 @@ class Hub:
         self.sockets: set[Any] = set()
         self.replays = Replays()
         self.layers = OutsideLayers(SHOWN_DISPLAYS.__contains__)
-        self.topics: TopicSources | None = None  # from when somebody asks for them on
+        self.topics: TopicSources | None = None  # topics from the first request for them on
         self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0
@@ -81,7 +81,7 @@ class Hub:
 
     @property
     def has_robot(self) -> bool:
-        """Not where a recording or a description alone is served."""
+        """Whether a robot is served, not a recording or a description alone."""
         return self.live.source not in ("replay", "description")
 
     def channel_of(self, session: str) -> Channel:
@@ -124,7 +124,7 @@ class Hub:
                 socket.follow(channel)
 
     def tell_seat(self) -> None:
-        """Soon, and once for all that changes until then: a flood would push out answers."""
+        """Announce the seat soon, once for all changes: a flood would push out answers."""
         if self._seat_timer is None:
             loop = asyncio.get_running_loop()
             self._seat_timer = loop.call_later(TELL_SEAT_S, self._tell_seat)

@@ -21,7 +21,7 @@ class _Plan(NamedTuple):
 
     texts: tuple[tuple[str, str], ...]
     inner: tuple[str, ...]
-    missing: dict[str, Any]  # what stands for a fact that is left out
+    missing: dict[str, Any]  # texts for a fact that is left out
 
 
 def find_language(wanted: str) -> str:

@@ -17,8 +17,8 @@ from agribot.ui.address import Address, bound
 from agribot.ui.server.access import Access, Refusal
 
 MOST_VIEWERS = 8
-VIEWER_TIMEOUT_S = 10.0  # for a viewer that takes no more bytes
-LAST_PICTURE_S = 1.0  # for the last picture, before the program ends
+VIEWER_TIMEOUT_S = 10.0  # time for a viewer that takes no more bytes
+LAST_PICTURE_S = 1.0  # time for the last picture, before the program ends
 BOUNDARY = "agribot-frame"
 HEADERS = {
     "cache-control": "no-store",

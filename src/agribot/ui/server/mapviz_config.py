@@ -16,7 +16,7 @@ from agribot.ui.small_yaml import UnusableYaml, read_yaml
 PREFIX = "mapviz_plugins/"
 MAX_DISPLAYS = 200
 ROBOT_FRAMES = {"base_link", "base_footprint"}
-# Of our quarter turns, the one that mapviz calls unturned: its target's x axis points right.
+# Quarter turns of the view that mapviz calls unturned: its target's x axis points right.
 _AHEAD_TO_THE_RIGHT = 270
 UNLIMITED = 20_000  # places kept where mapviz keeps all of them
 
@@ -110,7 +110,7 @@ TOOLS = {
     "coordinate_picker", "draw_polygon", "measuring", "move_base", "plan_route",
     "point_click_publisher",
 }  # fmt: skip
-# Which property names what is shown; the topic for all others.
+# Property that names the shown source; the topic for all others.
 _SOURCES = {"tf_frame": "frame", "robot_image": "frame", "tile_map": "source",
             "multires_image": "path", "grid": ""}  # fmt: skip
 
@@ -174,7 +174,7 @@ def _take(entry: dict[str, Any], found: dict[str, Any]) -> None:
 
 
 def _display(type_: str, name: str, config: Any) -> tuple[dict[str, Any], list[str]]:
-    """And the names of the properties whose values do not fit."""
+    """Read a display, and the names of the properties whose values do not fit."""
     config = config if isinstance(config, dict) else {}
     options, odd = {}, []
     for one in TABLE[type_]:

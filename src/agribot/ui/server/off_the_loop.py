@@ -15,8 +15,9 @@ T = TypeVar("T")
 Args = TypeVarTuple("Args")
 
 FILE_TIMEOUT_S = 30.0
-PROCESSES = anyio.CapacityLimiter(2)  # each has its own memory, and takes a core from the robot
-THREADS = anyio.CapacityLimiter(2)  # more of them, all of them busy, starve the loop
+# Limit of processes: each has its own memory, and takes a core from the robot.
+PROCESSES = anyio.CapacityLimiter(2)
+THREADS = anyio.CapacityLimiter(2)  # limit of threads: more busy ones starve the loop
 
 
 async def run_in_process(

@@ -11,7 +11,7 @@ from msgspec import UNSET
 from agribot.ui import wire
 
 MOST_LAYERS = 32
-MOST_BYTES = 2_000_000  # of one layer's data
+MOST_BYTES = 2_000_000  # size of one layer's data
 MOST_NAME = 60
 TOPIC = "/agribot/layers"  # std_msgs/String with the same JSON as the body of a PUT
 PREFIX = "outside-"

@@ -7,7 +7,7 @@ from agribot.ui.server.hub import Hub
 from agribot.ui.server.seat import SILENCE_S
 
 MAX_PAGES = 64
-MAX_VIEWERS = 40  # of them; the rest is for operators
+MAX_VIEWERS = 40  # limit of viewers; the rest is for operators
 
 
 def make_room(hub: Hub, caller: Caller, now_s: float) -> str:

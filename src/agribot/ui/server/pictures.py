@@ -48,7 +48,7 @@ class Pictures:
 
 
 def _jpegs(path: Path, topic: Topic) -> dict[float, bytes]:
-    """By capture time. Above MAX_BYTES every second one goes, and of those to come as well."""
+    """Pictures by time. Above MAX_BYTES every second one goes, and of those to come as well."""
     kept: dict[float, bytes] = {}
     size, every = 0, 1
     for number, message in enumerate(read_messages(path, topic)):

@@ -33,7 +33,7 @@ from agribot.ui import wire
 from agribot.ui.ground import field_of
 
 SHOWN_STEP_M = 0.2
-SAME_ROW_M = 0.02  # between a row of the map and one that was drawn over it
+SAME_ROW_M = 0.02  # distance of a row of the map from one that was drawn over it
 
 
 class Made(NamedTuple):

@@ -23,8 +23,8 @@ from agribot.ros.messages.shown_types import BESIDE, SHOWN_TYPES
 from agribot.ui import wire
 from agribot.ui.server.shown_topic import MOST_WAITING, Decode, ShownTopic
 
-MOST_BYTES = 200_000_000  # of one topic in memory
-LEAST_STEP_S = 0.1  # between two messages that are kept of a topic whose newest counts
+MOST_BYTES = 200_000_000  # size of one topic in memory
+LEAST_STEP_S = 0.1  # least time between two kept messages of a topic whose newest counts
 TRANSFORM_TOPICS = frozenset({"/tf", "/tf_static"})
 STALE_S = 3.0
 _S = 1e-9

@@ -35,7 +35,7 @@ MIN_SPEED, MAX_SPEED = 0.1, 10.0
 MAX_STATES = 40_000  # some 30 MB
 STATE_EVERY = 2  # ticks; a long recording is thinned further
 STATE_HZ = 30.0
-RECEIVER_S = 1.0  # between two states of the GNSS receiver, of the recording and on the wall
+RECEIVER_S = 1.0  # time between two states of the GNSS receiver, of the recording and on the wall
 
 
 class Moment(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,7 +81,7 @@ class Replay(Channel):
 
     @classmethod
     def load(cls, path: Path, name: str) -> Replay:
-        """Read a recording; one that was cut off is read as far as it goes.
+        """Read a recording; one that was cut off is read up to its last whole message.
 
         Raises: RecordingError: no recording, or nothing in it.
         """

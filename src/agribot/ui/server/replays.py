@@ -7,7 +7,7 @@ from typing import NamedTuple
 from agribot.ui.server.access import Role
 from agribot.ui.server.replay import Replay
 
-MAX_REPLAYS = 4  # of browsers at a time, each with a whole recording in memory
+MAX_REPLAYS = 4  # replays of browsers at a time, each with a whole recording in memory
 EVERYBODY = ""  # browsers that have chosen no recording of their own
 NO_ROOM = (
     f"{MAX_REPLAYS} recordings are shown to operators, as many as there is room for; "

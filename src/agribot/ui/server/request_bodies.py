@@ -12,12 +12,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from agribot.ui.server.answers import refuse_request
 
-START_S = 10.0  # for a body of no size
+START_S = 10.0  # time for a body of no size
 SLOWEST_BYTES_PER_S = 4000.0  # a field file over a bad line
 LARGE_BYTES = 100_000
-MAX_LARGE = 4  # of those at a time: memory
+MAX_LARGE = 4  # limit of large bodies at a time: memory
 MAX_COMMAND_BYTES = 16_000
-LIMITS: tuple[tuple[str, int], ...] = (  # first match counts; everything else is a command
+# Limits by path, first match first; all other paths are commands.
+LIMITS: tuple[tuple[str, int], ...] = (
     (r"/api/v1/login", 2_000),
     (r"/api/v1/fields/import", 20_000_000),  # files of a large farm
     (r"/api/v1/fields/.*|/api/v1/plan(/apply)?", 8_000_000),  # 200,000 corners

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from agribot.ui import wire
 
-SILENCE_S = 2.0  # of a holder; after it anybody with the role may take the seat without asking
+# Silence of a holder; after it any client with the role may take the seat without asking.
+SILENCE_S = 2.0
 
 
 class Seat:

@@ -16,10 +16,11 @@ from agribot.ros.messages.shown_sets import TopicView, adds_up, make_view
 
 Decode = Callable[[str, bytes], Any]
 
-LEAST_PERIOD_S = 0.2  # between two that are made for the page
-BYTES_PER_S = 1_000_000.0  # of one topic: a large message comes less often
-AGAIN_S = 2.0  # and the same is made anew: its frame may have moved, a marker have ended
-STALE_S = 3.0  # without a message of a topic that had come again and again
+LEAST_PERIOD_S = 0.2  # least time between two that are made for the page
+BYTES_PER_S = 1_000_000.0  # rate of one topic: a large message comes less often
+# Time after which the same is made anew: its frame may have moved, a marker have ended.
+AGAIN_S = 2.0
+STALE_S = 3.0  # silence of a topic that came again and again
 STALE_PERIODS = 5.0
 MOST_WAITING = 300  # messages that add up, between two looks
 _MOST_PERIOD_S = 60.0
@@ -40,7 +41,7 @@ class ShownTopic:
         self.ros_type = ""
         self.seq = 0
         self.json: msgspec.Raw | None = None
-        self.note = ""  # what is wrong
+        self.note = ""  # the problem, or empty
         self.left_out = ""
         self.count = 0
         self._lost = 0

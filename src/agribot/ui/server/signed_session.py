@@ -30,7 +30,7 @@ class Signer:
         return f"{text}.{self._seal(text)}"
 
     def session(self, cookie: str, now_s: float) -> Session | None:
-        """None where the cookie is not ours, or was not used for too long."""
+        """Return the session, None if the cookie is forged or was not used for too long."""
         text, _, seal = cookie.rpartition(".")
         if not hmac.compare_digest(seal.encode(), self._seal(text).encode()):
             return None

@@ -22,9 +22,9 @@ from agribot.ui import wire
 from agribot.ui.server.shown_topic import Decode, ShownTopic, show_frame
 
 MOST_TOPICS = 24
-IDLE_S = 10.0  # without a look at it, a topic is closed
-LIST_S = 2.0  # between two looks at what there is
-FRAME = "frame:"  # before the name of a frame that is shown like a topic
+IDLE_S = 10.0  # time without a look after which a topic is closed
+LIST_S = 2.0  # period of looks at the list of topics
+FRAME = "frame:"  # prefix of a frame that is shown like a topic
 TRANSFORM_TOPICS = ("/tf", "/tf_static")
 _TRANSFORMS_KEPT = 1000
 
@@ -183,7 +183,7 @@ class TopicFeeds:
                 opened = self._network.open_topic(one, feed.shown.put)
                 if opened is not None:
                     feed.opened.append(opened)
-            feed.problem = "" if feed.opened else f"nobody publishes {name} now"
+            feed.problem = "" if feed.opened else f"no node publishes {name} now"
         except BridgeError as error:
             feed.problem = str(error)
 

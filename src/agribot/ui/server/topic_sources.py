@@ -25,7 +25,7 @@ from agribot.ui.server.replay import Replay
 from agribot.ui.server.topic_feeds import TopicFeeds
 
 NODE = "agribot_page"
-MOST_BYTES = 3_000_000  # of one answer; the rest comes with the next
+MOST_BYTES = 3_000_000  # size of one answer; the rest comes with the next
 MOST_BAGS = 2
 BAG = "bag:"
 RECORDING = "recording"

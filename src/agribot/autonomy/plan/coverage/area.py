@@ -16,7 +16,8 @@ LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
 TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
 MARGIN_M, MOST_MARGIN_M = 0.05, 10.0  # to every edge, for a robot that knows where it is; limit
-MOST_CROP_MARGIN_M = 0.5  # this part of it also counts to crop where the robot turns
+# Largest part of the margin that also counts to crop where the robot turns.
+MOST_CROP_MARGIN_M = 0.5
 
 
 class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,7 +36,7 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     ab_line: MapLine = ()
     waypoints: MapLine = ()
     margin_m: float = MARGIN_M
-    left_out: str = ""  # what the file holds and is not here, in one line
+    left_out: str = ""  # omitted contents of the file, in one line
 
     @property
     def standing(self) -> tuple[MapLine, ...]:
@@ -96,26 +97,26 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """How a field is to be worked.
+    """Requirements of a field plan.
 
     `headland_passes` None: as few as do, none with crop rows. `swath_yaw_rad` None: searched for.
     `start` None: the best place to begin.
     """
 
     implement_width_m: float
-    overlap_m: float = 0.05  # what neighbouring swaths share, for the error of the steering
-    margin_m: float = MARGIN_M  # from the footprint to everything that is forbidden
+    overlap_m: float = 0.05  # overlap of neighbouring swaths, for the error of the steering
+    margin_m: float = MARGIN_M  # distance of the footprint from everything that is forbidden
     headland_passes: int | None = None
     swath_yaw_rad: float | None = None
     start_map_m: MapPoint | None = None
     turns: TurnStyle = "auto"
     plant_clearance_m: float = 0.1
     min_coverage_ratio: float = 0.99
-    tool_x_m: float = 0.0  # where on the body the tool works; negative behind the origin
+    tool_x_m: float = 0.0  # tool point on the body; negative behind the origin
 
     @property
     def turn_clearance_m(self) -> float:
-        """From wheels to crop where the robot turns: what keeps it off an edge counts there too."""
+        """Distance of wheels from crop in turns: the margin of an edge counts there too."""
         return max(self.plant_clearance_m, min(self.margin_m, MOST_CROP_MARGIN_M))
 
     @property

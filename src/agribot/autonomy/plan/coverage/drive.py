@@ -27,14 +27,14 @@ from agribot.core.messages import FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
 from agribot.core.refusal import Refusal
 
-STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
+STRETCH_M = 0.05  # largest deviation of the straight stretches that replace a bent working leg
 MAX_LENGTH_M = 100_000.0  # 5 million places of the path, as much memory as a small computer has
 MAX_OUTSIDE_M = 50.0
 RUN_IN_M = 0.2  # straight to a place at which the robot is to look somewhere
 
 
 class FieldWork:
-    """What a mission needs of a plan: its rows, and its path from where the robot stands."""
+    """The parts of a plan that a mission needs: its rows, and its path from the robot's place."""
 
     def __init__(
         self, plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
@@ -215,7 +215,7 @@ def _find_straight_parts(xy: FloatArray) -> list[tuple[int, int]]:
 
 
 def _measure_bulge_m(xy: FloatArray) -> float:
-    """How far points lie beside the line from the first to the last."""
+    """Measure the largest distance of points from the line of the first and the last."""
     along = xy[-1] - xy[0]
     offset = xy[1:-1] - xy[0]
     cross = along[0] * offset[:, 1] - along[1] * offset[:, 0]

@@ -30,7 +30,7 @@ BOUNDARY, OBSTACLES = _Outline(32, 0.001), _Outline(8, 0.003)
 MAX_REDRAWN = 4
 ROUNDING_M = 0.01  # rounded bends cut this much off their corners
 MITRE_LIMIT = 2.0
-# Ways may touch the edge of the free space; this forgives the rounding of such touches.
+# Tolerance for paths that touch the edge of the free space; covers rounding.
 TOUCH_M = 1e-4
 # Kept beyond the margin, m: such touches, and as much for the digits of a plan file.
 SPARE_M = 2e-4

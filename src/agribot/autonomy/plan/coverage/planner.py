@@ -1,4 +1,4 @@
-"""From a field to legs: free space, headland, swaths or rows, their order and the ways between."""
+"""Plan a field: free space, headland, swaths or rows, their order and the ways between."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 MAX_SWATHS = 20000
-# Of nine corners each: the ways between them took 5 CPU seconds and 130 MB.
+# Most holes, of nine corners each: the ways between them took 5 CPU seconds and 130 MB.
 MAX_HOLES = 200
 STRAIGHT_M = 0.1  # an ab_line that bends by less is straight
 BEYOND_ROW_M, NEAR_M = 0.05, 1e-3
@@ -157,7 +157,7 @@ def _make_area_tasks(
         if not list_polygons(edge):
             break
         rings += make_ring_tasks(shapely.MultiPolygon(list_polygons(edge)), space.away_m)
-        if number:  # what this ring does not reach of the band that it should reach
+        if number:  # the part of this ring's band that it does not reach
             slivers += list_polygons(work.difference(edge.buffer(half_m + 1e-3)))
         work, inner = FreeSpace.inset(edge, request.spacing_m / 2.0), edge
     work = shapely.MultiPolygon(

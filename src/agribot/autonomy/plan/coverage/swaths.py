@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 ANGLE_STEP_DEG = 1.0
-MAX_PRODUCTS = 4_000_000  # of edges and directions at once: 32 MB
+MAX_PRODUCTS = 4_000_000  # edges and directions computed at once: 32 MB
 SHORTEST_M = 0.01
 
 
 class Swath(NamedTuple):
-    """In the swath frame: line number, distance across, and from where to where along.
+    """A swath in the swath frame: line number, distance across, and both ends along.
 
     `before_m` and `after_m` are how far the robot can drive on straight beyond both ends.
     """
@@ -45,14 +45,14 @@ def search_yaw_rad(work: BaseGeometry, spacing_m: float) -> float:
     at_once = max(1, MAX_PRODUCTS // len(edges))
     blocks = np.split(directions, range(at_once, len(directions), at_once))
     across = np.concatenate([_measure_across_m(edges, block) for block in blocks])
-    # Of directions that need as many swaths the first counts, whatever the rounding says.
+    # Among directions that need as many swaths the first counts, whatever the rounding says.
     best = directions[int(np.argmin(np.round(across / (2.0 * spacing_m), 6)))]
     yaw_rad = math.remainder(float(best), math.pi)
     return yaw_rad + math.pi if yaw_rad <= -math.pi / 2.0 else yaw_rad
 
 
 def _measure_across_m(edges: FloatArray, directions: FloatArray) -> FloatArray:
-    """How far all edges together reach across each direction."""
+    """Measure the extent of all edges together across each direction."""
     products = edges[:, 1, None] * np.cos(directions) - edges[:, 0, None] * np.sin(directions)
     summed: FloatArray = np.abs(products).sum(axis=0)
     return summed

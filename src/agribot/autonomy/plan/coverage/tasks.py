@@ -41,7 +41,7 @@ def make_cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> Co
 
 
 def _list_ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[MapPoint]:
-    """Where the robot drives along a swath, in the swath frame and in driving order."""
+    """List both ends of the drive along a swath, in the swath frame and in driving order."""
     if is_flipped:
         end_m, start_m = find_drive(swath, -tool_x_m)
     else:

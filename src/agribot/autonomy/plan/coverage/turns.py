@@ -23,7 +23,7 @@ MAX_ARC_RADIUS_M = 0.5
 MAX_ROUNDING_RADIUS_M = 5.0
 MAX_SKEW_RAD = 1e-3
 SHORTEST_BACK_M = 0.05
-MAX_TURN_RAD = 1.5 * math.pi  # more is a loop, and looks lost
+MAX_TURN_RAD = 1.5 * math.pi  # largest turn; a larger one is a loop, and looks lost
 # A turn in place costs its angle at this rate, stopping and starting, and the straight between.
 PIVOT_RATE_RADPS = 0.6
 PIVOT_STOP_S = 2.0
@@ -159,7 +159,7 @@ def _choose_widest(xy: FloatArray) -> int:
 
 
 def _drop_repeats(xy: FloatArray) -> FloatArray:
-    """Without points close behind another one; both ends stay where they are."""
+    """Drop points close behind another one; both ends stay where they are."""
     kept = [xy[0]]
     for point in xy[1:]:
         if math.dist(kept[-1], point) > SAME_PLACE_M:

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 IndexArray = npt.NDArray[np.int64]
 
-# Simplified corners are hidden from a place in a notch of the outline, so that no way is found.
+# Largest number of corners. Simplified ones are hidden from a place in a notch of the outline, so
+# that no way is found.
 MAX_CORNERS = 10_000
-MAX_PAIRS = 500_000  # of corners at once: 60 MB
+MAX_PAIRS = 500_000  # pairs of corners computed at once: 60 MB
 FIRST_SIMPLIFY_M = 0.05
 # A way that is no longer than this against the distance, and this, is searched for first, m.
 DETOUR_RATIO, DETOUR_M = 1.2, 4.0
@@ -97,7 +98,7 @@ class Ways:
     ) -> dict[int, float]:
         """Find which of some corners a shortest way from a point may bend around first."""
         starts = np.broadcast_to(np.array(point), (len(near), 2))
-        if corners.is_exact:  # of a simplified outline a place may lie outside
+        if corners.is_exact:  # a place may lie outside a simplified outline
             touches = corners.is_tangent(near, starts)
             near, starts = near[touches], starts[touches]
         near = near[self._find_covered(starts, corners.places[near])]

@@ -31,7 +31,8 @@ class Beside:
     """Call `look` with the crop of every picture while a row is driven, `find` at its end."""
 
     def __init__(self) -> None:
-        self._crop: Counter[tuple[int, int]] = Counter()  # by piece along and bin to the left
+        # Crop seen, by piece along and bin to the left.
+        self._crop: Counter[tuple[int, int]] = Counter()
         self._seen: set[tuple[int, int]] = set()
 
     def look(
@@ -48,7 +49,7 @@ class Beside:
         """Find the nearest row to the left (1.0) or to the right (-1.0); None without one."""
         grown = {cell for cell, looks in self._crop.items() if looks >= LOOKS}
         columns: dict[int, tuple[int, ...]] = {}
-        is_out = False  # from under the leaves of the driven row
+        is_out = False  # whether it is clear of the leaves of the driven row
         for column in range(round(FARTHEST_M / BIN_M)):
             middle = column if side > 0.0 else -1 - column
             pieces = {piece for piece, at in grown if at == middle}

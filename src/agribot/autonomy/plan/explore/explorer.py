@@ -28,9 +28,9 @@ from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import chord_yaw_rad, reverse_row
 
 SEARCH_M = 8.0
-# Bare ground of this length is a row's end; a shorter stretch is a gap.
+# Length of bare ground that ends a row; a shorter stretch is a gap.
 END_GAP_M = 1.3
-# The path is laid anew by what the camera shows after this distance.
+# Distance after which the path is laid anew by what the camera shows.
 RELAY_M = 0.2
 # Seen more aslant or farther aside than this, a row is not the one that the robot follows.
 ASLANT_RAD, ASIDE_M = 0.4, 0.45
@@ -40,7 +40,7 @@ FACING_RAD, BEFORE_M = math.radians(50.0), 0.4
 BESIDE_M, TURN_M = 0.85, 0.6
 # Before the end of the first row it backs out by BACK_M, to have room for the turn into it.
 STOP_M, BACK_M = 0.15, 1.8
-UNKNOWN_M = 4.0  # a row may go on this far past what was seen of it
+UNKNOWN_M = 4.0  # largest extension of a row past its last seen plant
 SIDES: tuple[Side, Side] = (1, -1)
 
 Phase = Literal["search", "beside", "row", "done"]
@@ -57,7 +57,7 @@ class Explorer:
         self._first, self._beside = FirstRow(), Beside()
         self._target: FoundRow | None = None
         self._towards = 1.0  # along the target's frame, or against it
-        self._aside_m = 0.0  # of the way, to the left of the row as it is driven
+        self._aside_m = 0.0  # offset of the path, to the left of the row as it is driven
         self._bare_m = -math.inf  # seen beyond the last crop of the target
         self._is_on_line = False
         self._laid_m = -math.inf
@@ -74,7 +74,7 @@ class Explorer:
 
     @property
     def unfinished(self) -> str:
-        """What is missing at the end of the way; empty where the field is done."""
+        """The missing part at the end of the way; empty where the field is done."""
         if self.phase == "done":
             return ""
         if self._target is None:

@@ -20,7 +20,7 @@ from agribot.core.messages import FloatArray, RowLine
 from agribot.core.pose import Pose2
 
 CELL_M = 0.05
-# A cell counts if this many pictures showed crop in it: single ones mistake a weed for crop.
+# Pictures that must show crop in a cell: a single one may mistake a weed for crop.
 LOOKS = 2
 STEP_RAD, HALF_LINE_M = math.radians(1.5), 0.1
 # Part of a line that must be in view, m, without a hole of HOLE_M: plants of one row stand nearer
@@ -52,7 +52,7 @@ class FirstRow:
 
     @property
     def places(self) -> FloatArray:
-        """Where crop stands for sure, (N, 2)."""
+        """Certain places of crop, (N, 2)."""
         kept = [cell for cell, looks in self._looks.items() if looks >= LOOKS]
         places: FloatArray = (np.array(kept, dtype=np.float64).reshape(-1, 2) + 0.5) * CELL_M
         return places

@@ -23,7 +23,7 @@ DRAWN_M = 3.0
 HALF_STRIP_M, WINDOW_M = 0.15, 0.25
 # Crop counts if this many pictures show it: single ones mistake a weed for it.
 LOOKS, CELLS, CROP_RATIO = 2, 3, 0.35
-WHOLE = 0.5  # of the cells of a piece, in view
+WHOLE = 0.5  # share of a piece's cells that must be in view
 # Distance over which the direction of a line seen in one picture holds, m.
 ARM_M = 0.5
 # Errors of a picture's line that its neighbours share; see estimate/row_model.py.
@@ -33,7 +33,7 @@ LEAST_BEND_M = 0.05
 
 
 class _Looks:
-    """How often pieces of a row were in view, and how often with crop."""
+    """Counts of views of a row's pieces, and of those with crop."""
 
     def __init__(self) -> None:
         self.crop: Counter[int] = Counter()
@@ -59,10 +59,10 @@ class FoundRow:
         self.is_driven = False
         self.is_real = True  # a robot that drove it saw crop on it
         self._places = GrowingTable(2)  # along the frame, and to its left
-        self._told = GrowingTable(2)  # the same, as a robot saw it from beside
+        self._from_beside = GrowingTable(2)  # the same, as a robot saw it from beside
         self._drawn: Row | None = None  # once it is driven, nothing changes any more
         self._looks, self._astride = _Looks(), _Looks()  # all of them, and those from astride it
-        self.pos_std_m = 0.0  # of the robot, 1 sigma, while it looked
+        self.pos_std_m = 0.0  # position error of the robot while it looked, 1 sigma
 
     @property
     def has_crop(self) -> bool:
@@ -70,26 +70,26 @@ class FoundRow:
 
     @property
     def first_m(self) -> float:
-        """Where its crop begins, along its frame."""
+        """Start of its crop, along its frame."""
         return min(self._looks.list_grown(), default=0) * LOOK_M
 
     @property
     def last_m(self) -> float:
-        """Where its crop ends."""
+        """End of its crop."""
         return (max(self._looks.list_grown(), default=-1) + 1) * LOOK_M
 
     @property
     def length_m(self) -> float:
         return self.last_m - self.first_m
 
-    def tell(self, left_m: float, pieces: Sequence[int], beside: FoundRow) -> None:
+    def add_from_beside(self, left_m: float, pieces: Sequence[int], beside: FoundRow) -> None:
         """Take where it bears crop from a row that it runs beside, which has the same frame."""
         for piece in pieces:
             along_m = (piece + 0.5) * PIECE_M
             first = round(piece * PIECE_M / LOOK_M)
             crop = (first, first + 1) * LOOKS
             self._looks.add(crop, crop)
-            self._told.append((along_m, left_m + beside._fit(along_m, 1.0)[1]))
+            self._from_beside.append((along_m, left_m + beside._fit(along_m, 1.0)[1]))
 
     def finish(self) -> None:
         """Note that it was driven: what was seen from beside it is not needed any more."""
@@ -97,7 +97,7 @@ class FoundRow:
         grown_m = len(self._astride.list_grown()) * LOOK_M
         self.is_real = grown_m >= REAL_RATIO * self.length_m
         if self.is_real:
-            self._looks, self._told = self._astride, GrowingTable(2)
+            self._looks, self._from_beside = self._astride, GrowingTable(2)
 
     def move(self, left_m: float) -> None:
         """Move all of it to the left of its frame."""
@@ -138,7 +138,7 @@ class FoundRow:
         for each in np.unique(pieces):
             here = pieces == each
             if np.count_nonzero(here) >= CELLS:
-                self._told.append(
+                self._from_beside.append(
                     (float(along_m[near][here].mean()), float(left_m[near][here].mean()))
                 )
 
@@ -173,7 +173,7 @@ class FoundRow:
     ) -> tuple[float, float]:
         low_m, high_m = (BEHIND_M, AHEAD_M) if towards > 0.0 else (AHEAD_M, BEHIND_M)
         low_m, high_m = (low_m, high_m) if reach_m is None else (reach_m, reach_m)
-        # What the robot saw astride it is newer than what it saw from beside it.
+        # The view astride a row is newer than the view from beside it.
         for places in (self._places.to_array(), self._list_places()):
             near = (places[:, 0] >= along_m - low_m) & (places[:, 0] <= along_m + high_m)
             if np.count_nonzero(near) >= FEWEST and np.ptp(places[near, 0]) >= PIECE_M:
@@ -187,7 +187,11 @@ class FoundRow:
 
     def _list_places(self) -> FloatArray:
         places = self._places.to_array()
-        return np.concatenate([places, self._told.to_array()]) if len(self._told) else places
+        return (
+            np.concatenate([places, self._from_beside.to_array()])
+            if len(self._from_beside)
+            else places
+        )
 
     def _left_m(self, along_m: FloatArray, line: Pose2 | None) -> FloatArray:
         """Place its line left of the frame, at places (N,) that a picture shows together."""

@@ -13,7 +13,7 @@ from typing import Literal
 from agribot.autonomy.plan.explore.beside import Neighbour
 from agribot.autonomy.plan.explore.found_row import FoundRow
 
-# What is seen beside a row is a row that is known to stand there, up to this share of the distance.
+# Largest offset, as a share of the row distance, at which a row seen aside is a known one.
 SAME_RATIO = 0.4
 # Distance of two rows as pictures show it, 1 sigma, m.
 APART_STD_M = 0.03
@@ -25,9 +25,9 @@ class RowOrder:
     """Call `begin` with the first row, then `add_beside` with every one that was driven."""
 
     def __init__(self) -> None:
-        self.rows: list[FoundRow] = []  # from the rightmost to the leftmost
-        self._apart_m: list[float] = []  # from each to the next one
-        self._slid_m = 0.0  # of the pose, to the left of the rows, since the first was driven
+        self.rows: list[FoundRow] = []  # rows from the rightmost to the leftmost
+        self._apart_m: list[float] = []  # distance of each row from the next one
+        self._slid_m = 0.0  # shift of the pose to the left of the rows since the first was driven
         self._slid_at_m: dict[int, float] = {}  # the same when a row was driven, by its number
 
     def begin(self, row: FoundRow) -> None:
@@ -93,7 +93,7 @@ class RowOrder:
     def _insert(self, row: FoundRow, side: Side, beside: Neighbour) -> None:
         """Put a new row into the order, between two that are known or behind the last one."""
         other = FoundRow(max(each.index for each in self.rows) + 1, row.frame)
-        other.tell(beside.left_m, beside.pieces, row)
+        other.add_from_beside(beside.left_m, beside.pieces, row)
         before_m, at = 0.0, self.rows.index(row)
         apart_m, steps = abs(beside.left_m), 0
         for gap_m, _ in self._list_beside(row, side):

@@ -51,7 +51,7 @@ class ExploreTask:
         return self.plan(here)
 
     def plan_around(self, path: Path, index: int, skipped: int) -> Path:
-        raise MissionError("rows that are being found are driven as they come")
+        raise MissionError("exploration drives rows in the order of discovery")
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
         mission = self._config.mission

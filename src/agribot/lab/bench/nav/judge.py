@@ -23,7 +23,7 @@ from agribot.lab.bench.nav.scenario import (
 )
 
 NEES_PERIOD_S = 1.0
-MISSED_PLANTS = 1  # of a row that counts as worked all the same
+MISSED_PLANTS = 1  # missed plants of a row that counts as worked all the same
 MAX_CRUSHED_RATIO = 0.01
 
 
@@ -102,12 +102,12 @@ class Consistency:
         self._lateral = self._pose = 0.0
         self._count = 0
 
-    def add(self, rover: SoilRover, told: Estimate) -> None:
+    def add(self, rover: SoilRover, estimate: Estimate) -> None:
         error = np.array([
-            told.x_map_m - rover.x_m, told.y_map_m - rover.y_m,
-            wrap_rad(told.yaw_map_rad - rover.yaw_rad),
+            estimate.x_map_m - rover.x_m, estimate.y_map_m - rover.y_m,
+            wrap_rad(estimate.yaw_map_rad - rover.yaw_rad),
         ])  # fmt: skip
-        cov = np.array(told.pose_cov).reshape(3, 3)
+        cov = np.array(estimate.pose_cov).reshape(3, 3)
         self._lateral += float(error[1] ** 2 / cov[1, 1])
         self._pose += float(error @ np.linalg.solve(cov, error))
         self._count += 1

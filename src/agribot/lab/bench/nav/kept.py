@@ -15,7 +15,7 @@ from agribot.lab.bench.nav.job import Job
 from agribot.lab.bench.nav.judge import Outcome
 from agribot.lab.bench.nav.scenario import Scenario
 
-# What decides about a mission: the robot, its sensors, the benchmark.
+# Folders that decide about a mission: the robot, its sensors, the benchmark.
 DECIDING = ("autonomy", "core", "sim/sensors", "lab/bench/nav", "description/urdf")
 
 

@@ -70,7 +70,7 @@ class MissionTrial:
 
     def tick(self, rover: SoilRover, driver: DrivenRobot) -> None:
         self._ticks += 1
-        goal, told = driver.goal, driver.estimate
+        goal, estimate = driver.goal, driver.estimate
         self._paused += goal.max_speed_mps == 0.0
         if not driver.goes_on:
             return
@@ -78,9 +78,9 @@ class MissionTrial:
         row = -1 if goal.status.row < 0 else self._rows - 1 - goal.status.row
         self._judge.tick(rover, row, tool_on=goal.tool_on)
         if row >= 0:
-            self._level.tick(rover, told.y_map_m, told.across_protection_m, row)
+            self._level.tick(rover, estimate.y_map_m, estimate.across_protection_m, row)
             if self._ticks % NEES_TICKS == 0:
-                self._consistency.add(rover, told)
+                self._consistency.add(rover, estimate)
 
     def outcome(self, seed: int, driver: DrivenRobot) -> Outcome:
         nees, nees_pose = self._consistency.means()

@@ -29,13 +29,13 @@ PLANTS = round(ROW_LENGTH_M / SPACING_M) + 1
 HEADLAND_M = 1.0
 WHEELS_BODY_M = ((0.25, 0.39), (0.25, -0.39), (-0.25, 0.39), (-0.25, -0.39))
 CRUSH_M = 0.09  # wheel centre to plant centre
-ROW_LIMIT_M = 0.25  # a row is lost beyond this cross-track error
+ROW_LIMIT_M = 0.25  # cross-track error beyond which a row is lost
 MAX_TIME_S = 1800.0
 START_STD_M, START_STD_RAD = 0.05, math.radians(2.0)
 
 
 class SoilDrift(msgspec.Struct, frozen=True, kw_only=True):
-    """What the ground does to the drive; sigma and memory of each."""
+    """Effects of the ground on the drive; sigma and memory of each."""
 
     slip_max_ratio: float = 0.06
     slip_std_ratio: float = 0.02
@@ -61,7 +61,7 @@ class Vision(msgspec.Struct, frozen=True, kw_only=True):
     dropout_every_s: float = 20.0
     latency_s: float = 0.08
     range_std_m: float = 0.1
-    stated_ratio: float = 1.0  # what it says of its noise, over its noise
+    stated_ratio: float = 1.0  # stated noise over true noise
 
 
 class Scenario(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,8 +84,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     def name(self) -> str:
         seen = " + vision" if self.vision else ""
         rows = "" if self.rows == ROWS else f", {self.rows} rows"
-        told = [f"perfect {sensor}" for sensor in self.perfect]
-        changed = "".join(f", {change}" for change in (*self.settings, *told))
+        extras = [f"perfect {sensor}" for sensor in self.perfect]
+        changed = "".join(f", {change}" for change in (*self.settings, *extras))
         return f"{self.sensors}{seen}, {self.speed_mps:g} m/s, {self.variant}{rows}{changed}"
 
     def config(self, seed: int) -> RunConfig:

@@ -40,7 +40,7 @@ from agribot.sim.state import (
 )
 
 STEP_NS = round_step_ns(DT_S)
-IMU_HZ = 1.0 / DT_S  # the plant has no faster motion
+IMU_HZ = 1.0 / DT_S  # rate of the IMU; the plant has no faster motion
 GRAVITY_MPS2 = 9.8
 PERFECT_STD_M, PERFECT_STD_RAD = 0.014, 0.007  # as `rtk-dual` states them
 # Torque of all motors, for the field of their currents. Measured: a drive of `rows-10x12` on the
@@ -54,7 +54,7 @@ class TrueMotion:
     def __init__(self, drive: DriveSpec) -> None:
         self._drive = drive
         self._wheels_rad = [0.0, 0.0]  # right and left
-        self._gains = [0.0] * 6  # of velocity, m/s, and angle, rad
+        self._gains = [0.0] * 6  # errors of velocity, m/s, and angle, rad
         self._last_mps = (0.0, 0.0)
         self.rows = np.zeros((TICK_STEPS + 1, HISTORY_COLUMNS))
         self.rows[:, QUATERNION.start] = 1.0
@@ -138,7 +138,7 @@ class Oracle:
         self._frame, self._perfect = MapFrame(config.field.datum), perfect
         x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
         self._arm_m, self._height_m = (x_m, y_m), z_m
-        self._poses = [Pose2(0.0, 0.0, 0.0)]  # of each step
+        self._poses = [Pose2(0.0, 0.0, 0.0)]  # pose of each step
 
     def note(self, rover: SoilRover) -> None:
         """Note where the rover is after a step of the plant."""

@@ -20,7 +20,7 @@ from agribot.lab.sweep.ray_cluster import RayCluster
 
 Executor = Callable[[Sequence[Job], Stop], Iterator[tuple[Job, Outcome]]]
 
-# What `agribot bench nav` drives when nothing is chosen: the published table.
+# Scenarios of `agribot bench nav` by default: the published table.
 PUBLISHED: tuple[tuple[str, bool, Variant], ...] = (
     ("ideal", False, "nominal"),
     ("rtk", False, "nominal"),
@@ -40,7 +40,8 @@ PUBLISHED: tuple[tuple[str, bool, Variant], ...] = (
 )
 ORIGINAL = ("seed", "m8n", "rtk")
 ORIGINAL_MPS = 0.4
-# It hardly ever finishes, so each of its missions takes the full half hour.
+# Largest number of the original's missions: it hardly ever finishes, so each takes the full half
+# hour.
 MAX_ORIGINALS = 100
 
 

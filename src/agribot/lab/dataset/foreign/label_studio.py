@@ -23,8 +23,8 @@ from agribot.lab.dataset.foreign.shapes import (
 
 _PLACES = {"points", "rle", "x", "vertices"}
 _NO_AREA = {"keypointlabels", "keypoint", "vectorlabels", "vector"}
-_SIDES = ({"width", "height"}, {"radiusX", "radiusY"})  # of boxes and ellipses
-CHANNELS = 4  # a brush stroke is stored as red, green, blue and alpha
+_SIDES = ({"width", "height"}, {"radiusX", "radiusY"})  # keys of boxes and ellipses
+CHANNELS = 4  # channels of a stored brush stroke: red, green, blue and alpha
 
 
 class _Value(msgspec.Struct):

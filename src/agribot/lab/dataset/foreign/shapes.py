@@ -20,7 +20,7 @@ Polygon = npt.NDArray[np.float64]  # (N, 2) of u right, v down, from the picture
 Mask = npt.NDArray[np.bool_]
 
 LEAST_CORNERS = 3
-EDGE_TOLERANCE_PX = 2.0  # a click beside the picture is taken for its edge
+EDGE_TOLERANCE_PX = 2.0  # distance beside the picture at which a click is taken for its edge
 EDGE_TOLERANCE_RATIO = 0.005
 
 
@@ -166,7 +166,7 @@ def check_inside(polygon: Polygon, size_px: tuple[int, int]) -> Polygon:
         u_px, v_px = polygon[int(over.max(axis=1).argmax())]
         raise LabelFileError(
             f"a polygon reaches ({u_px:.0f}, {v_px:.0f}), outside the picture of {size_px[0]} x "
-            f"{size_px[1]} pixels; mend it, or label the picture at the size it has"
+            f"{size_px[1]} pixels; fix it, or label the picture at the size it has"
         )
     return polygon.clip(0.0, size)
 
