@@ -19,7 +19,7 @@
 #define COMMAND_TIMEOUT_MS 300
 #define CLEAR_KEY 0x5AFEu
 
-/* BoardFlag: How a board is now */
+/* BoardFlag: State of a board */
 #define BOARD_FLAG_ESTOP_PRESSED 1u
 #define BOARD_FLAG_BUMPER_PRESSED 2u
 #define BOARD_FLAG_STOP_LATCHED 4u
@@ -33,7 +33,7 @@
 #define BOARD_FLAG_MAG_FAULT 1024u
 #define BOARD_FLAG_WATCHDOG_RESET 2048u
 
-/* StopCause: What latched the stop; all that happened since it was cleared */
+/* StopCause: Causes of the latched stop, all since it was cleared */
 #define STOP_CAUSE_BEGAN 1u
 #define STOP_CAUSE_ESTOP 2u
 #define STOP_CAUSE_BUMPER 4u
@@ -41,7 +41,7 @@
 #define STOP_CAUSE_MOTOR 16u
 #define STOP_CAUSE_REVERSED 32u
 
-/* AckResult: What became of a message that is answered */
+/* AckResult: Result of a message that is answered */
 #define ACK_RESULT_DONE 0u
 #define ACK_RESULT_BAD_LENGTH 1u
 #define ACK_RESULT_BAD_VALUE 2u
@@ -49,7 +49,7 @@
 #define ACK_RESULT_STILL_PRESSED 4u
 #define ACK_RESULT_STILL_LOW 5u
 
-/* BoardKind: Which of the boards it is */
+/* BoardKind: Kind of a board */
 #define BOARD_KIND_MOTOR 1u
 #define BOARD_KIND_IMU 2u
 
@@ -80,7 +80,7 @@ typedef struct __attribute__((packed)) {
 } ask_version_t;
 SIZE_IS(ask_version_t, 2);
 
-/* How this robot's motor board works; answered. Without it the wheels do not turn */
+/* Settings of this robot's motor board; answered. Without them the wheels do not turn */
 #define TYPE_BOARD_CONFIG 0x13
 typedef struct __attribute__((packed)) {
   uint8_t type;
@@ -118,7 +118,7 @@ typedef struct __attribute__((packed)) {
 } board_state_t;
 SIZE_IS(board_state_t, 52);
 
-/* What the board is; `layout` is that of its table, and must be LAYOUT */
+/* Version of the board; `layout` is that of its table, and must be LAYOUT */
 #define TYPE_BOARD_VERSION 0x82
 typedef struct __attribute__((packed)) {
   uint8_t type;
@@ -146,7 +146,7 @@ typedef struct __attribute__((packed)) {
 } board_imu_t;
 SIZE_IS(board_imu_t, 29);
 
-/* What became of the message of this type and sequence number */
+/* Result of the message of this type and sequence number */
 #define TYPE_BOARD_ACK 0x84
 typedef struct __attribute__((packed)) {
   uint8_t type;

@@ -175,7 +175,7 @@ LOOKED_INTO = {
     "cli/teleop.py": "it is shortened for a line of the terminal",
     "lab/bench/fault_rows.py": "of reports: why a run ended, which has no fact",
     "record/localization/page.py": "of results: the word ok",
-    "ui/server/app.py": "a refused connection has room for so many letters",
+    "ui/server/app.py": "a refused connection has room for this many letters",
     "ui/server/sockets.py": "a closing frame takes 120 letters",
 }
 # Where texts are made inside the program: fields of messages that others read, and refusals.

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from pyubx2 import GET, UBXMessage
 
 from agribot.cli.gnss import ReceiverSummary
 from agribot.core.messages import GnssFix, GnssStatus
 from agribot.drivers.nmea import write_sentence
+from agribot.drivers.receiver import GpsdDecoder
 from agribot.drivers.receiver_decoder import ReceiverDecoder
 from agribot.drivers.receiver_speaker import ReceiverSpeaker
 from tests.drivers import maker_bytes as made
@@ -100,6 +103,24 @@ def test_kinds_that_are_not_read_are_named_beside_fixes() -> None:
     statuses = [one for _, one in found if isinstance(one, GnssStatus)]
     assert decoder.heard.name_unread() == ("PASHR,ATT", "ZDA", "PTNL,GGK")
     assert not any(status.trouble for status in statuses)
+
+
+def test_kinds_that_are_not_read_are_named_where_nothing_else_is_known_beside_fixes() -> None:
+    decoder, found = ReceiverDecoder(pytest.fail), []
+    gpsd, reported = GpsdDecoder(pytest.fail), []
+    for second in range(4):
+        for body in (
+            "GNGGA,0930{:02d}.00,5209.0,N,00430.6,E,1,,,11.5,M,45.0,M,,",
+            "PHTRO,0.5,P,1.2,B",
+        ):
+            found += decoder.feed(write_sentence(body.format(second)), float(second))
+        time = f"2026-05-04T09:30:{second:02d}.000Z"
+        place = {"class": "TPV", "mode": 2, "time": time, "lat": 52.15, "lon": 4.51}
+        for report in ({"class": "ATT", "time": time, "heading": 143.2}, place):
+            reported += gpsd.feed(json.dumps(report).encode() + b"\n", float(second))
+    for each, kinds in ((found, ("PHTRO",)), (reported, ("ATT",))):
+        statuses = [one for _, one in each if isinstance(one, GnssStatus)]
+        assert statuses[-1].unread == kinds and not statuses[-1].trouble
 
 
 def test_noise_makes_no_endless_list_of_kinds() -> None:

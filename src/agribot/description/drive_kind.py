@@ -19,10 +19,10 @@ from agribot.description.tags import (
     read_tag_value,
 )
 
-ACROSS = 0.7  # of an axle: the part of it that lies across the robot
-ALONG = 0.3  # of an axle: the part of it along the robot above which its wheel goes aside
-UPRIGHT = 0.7  # of the axis of a steering joint: the part of it that is vertical
-# Of a first direction of friction: more of it along the axle and across it is a roller's.
+ACROSS = 0.7  # share of an axle that lies across the robot
+ALONG = 0.3  # share of an axle along the robot above which its wheel goes aside
+UPRIGHT = 0.7  # share of a steering joint's axis that is vertical
+# Share of a first direction of friction along and across the axle, above which it is a roller's.
 OBLIQUE = 0.3
 ROLLERS = 3  # turning links on one wheel that make it one with rollers
 TURNING = ("continuous", "revolute")

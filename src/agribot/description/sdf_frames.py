@@ -54,7 +54,7 @@ class FrameScope:
     def _read_relative(self, pose: ET.Element, user: str) -> str:
         """Return the frame that a pose names; in SDF 1.5 and 1.6 its attribute is `frame`.
 
-        Programs of that time ignored a name that is none.
+        Programs of that time ignored a name that does not exist.
         """
         old = pose.get("frame", "")
         if old and old not in OWN and old.partition("::")[0] not in self._elements:

@@ -33,7 +33,7 @@ from agribot.drivers.stream_writer import StreamWriter
 MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # settings of `calibration`
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
-MOST_SAID = 32  # by threads, between two ticks
+MOST_SAID = 32  # notes of threads between two ticks
 
 
 class HardwarePlatform:
@@ -57,7 +57,7 @@ class HardwarePlatform:
         Raises: ConfigError: no such line. PlatformError: a board that is silent or unfit.
         """
         self.inbox = Inbox()
-        self._said: deque[AnyFact] = deque(maxlen=MOST_SAID)  # by threads
+        self._said: deque[AnyFact] = deque(maxlen=MOST_SAID)  # notes of threads
         self._period_s = 1.0 / tick_hz
         self._name, self._now_s = f"motor board on {name}", now_s
         self._link = BoardLink(board, robot.drive, now_s)

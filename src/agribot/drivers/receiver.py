@@ -18,6 +18,7 @@ from agribot.drivers import gpsd, nmea
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
 from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.corrections import CorrectionLink
+from agribot.drivers.heard import Heard
 from agribot.drivers.line_watch import LineWatch
 from agribot.drivers.ntrip import Caster, CasterLogin
 from agribot.drivers.receiver_decoder import ReceiverDecoder, Stamped
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 _MOST_OTHERS = 8  # receivers that are reported
 _SILENT_REPORTS = 20  # reports of another receiver that show one silent; two seconds and more
+_UNREAD = ("ATT", "IMU")  # reports of gpsd about the robot that are not read
 _MOST_NOTES = 32  # largest number of notes that wait for a tick
 
 
@@ -44,7 +46,8 @@ class GpsdDecoder:
         self._others: set[str] = set()
         self._of_others = 0  # positions since the last one of ours
         self._lines, self._fixes = gpsd.JsonLineDecoder(), gpsd.GpsdFixes(refuse)
-        self.sky = Sky()
+        self._heard = Heard()
+        self.sky = Sky(self._heard)
         self.last_fix: nmea.StampedFix | None = None
 
     @property
@@ -63,6 +66,8 @@ class GpsdDecoder:
         for report in self._lines.feed(data):
             if not self._is_ours(report):
                 continue
+            if report.get("class") in _UNREAD:
+                self._heard.unread[str(report["class"])] += 1
             try:
                 if report.get("class") == "SKY":
                     self.sky.add_sky(report)

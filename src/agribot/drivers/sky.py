@@ -71,7 +71,8 @@ class Sky:
         satellites = self._join_satellites()
         trouble = "" if self._heard.is_patient(arrived_s) else self._heard.explain()
         is_known = satellites or self._dops or self.corrections or self._age_s is not None
-        if not (is_known or trouble):
+        unread = self._heard.name_unread()
+        if not (is_known or trouble or unread):
             return None
         status = GnssStatus(
             t_s=0.0,
@@ -80,7 +81,7 @@ class Sky:
             correction_counts=tuple(sorted(state.counts.items())),
             corrections_used=self._use.used,
             corrections_unused=self._use.unused,
-            unread=self._heard.name_unread(),
+            unread=unread,
             trouble=trouble,
             **self._dops,
         )

@@ -38,7 +38,7 @@ from agribot.core.messages import (
 )
 from agribot.core.messages.requests import find_live_setting
 
-NO_NUMBER = (math.nan,) * 5  # of a goal or a pose without numbers, which the robot refuses
+NO_NUMBER = (math.nan,) * 5  # numbers of a goal or a pose that has none, which the robot refuses
 
 
 class _OldEvent(msgspec.Struct):

@@ -34,7 +34,7 @@ from agribot.core.robot import RobotSpec
 
 BUSY = ("running", "waiting")  # states of a mission that sets off by itself
 HARMLESS = ("note", "mark", "set", "start_recording", "stop_recording")
-HELD_LIMIT_S = 1.0  # the supervisor may hold the robot this long before the drive is given up
+HELD_LIMIT_S = 1.0  # time that the supervisor may hold the robot before the drive is given up
 ROOM_MARGIN_M = 1.0
 
 

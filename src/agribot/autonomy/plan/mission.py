@@ -114,8 +114,8 @@ SETTLE_S = 1.0  # time for which the estimate must hold before the robot moves
 END_TOLERANCE_M = 0.01
 # Pause before it backs out: wheels that spun stand, and a tool is out of the soil.
 BACK_OUT_PAUSE_S = 1.0
-NUDGE_M = 0.01  # of a row's line, at a time
-Handler = Callable[[Any, RequestEvent], AnyFact | None]  # of a request; gives why it is refused
+NUDGE_M = 0.01  # step of a row's line
+Handler = Callable[[Any, RequestEvent], AnyFact | None]  # gives why a request is refused
 
 
 class Mission:

@@ -164,7 +164,7 @@ class CorrectPose(RobotRequest, frozen=True, kw_only=True):
     x_map_m: float
     y_map_m: float
     yaw_map_rad: float
-    std_m: float = 0.3  # of a place and a direction shown with a finger on a map
+    std_m: float = 0.3  # place and direction shown with a finger on a map
     std_rad: float = 0.1
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 from agribot.gis.formats.outlines import close_line
 from agribot.gis.formats.partfield_ground import PartfieldGround
 
-# Keys of OpenStreetMap on lines and points of what stands or flows there.
+# Keys of OpenStreetMap for things that stand or flow.
 _STANDING = {"barrier", "highway", "man_made", "natural", "power", "railway", "waterway"}
 _KIND_OF = {"LineString": "row", "Point": "waypoint"}
 _AREAS = {"boundary", "obstacle"}

@@ -29,7 +29,7 @@ from agribot.gis.geojson import (
 )
 from agribot.gis.parts import describe_part, find_boundary, split_boundary
 
-MAX_NAMED = 8  # of the things that a file holds and that are left out
+MAX_NAMED = 8  # things named that a file holds and that are left out
 # Shapes without a kind that are guessed: their type, its word, and what they are taken for.
 GUESSES = (
     ("LineString", "lines", "crop rows, which are driven along"),

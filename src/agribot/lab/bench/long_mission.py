@@ -127,7 +127,7 @@ class _Charger:
 
     def __call__(self, record: TickRecord) -> None:
         if self._inbox is not None and record.status.state == "paused":
-            self._inbox.post(ControlMission(action="resume"), Who("whoever charged it"))
+            self._inbox.post(ControlMission(action="resume"), Who("the person who charged it"))
             self._inbox = None
 
 

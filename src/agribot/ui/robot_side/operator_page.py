@@ -47,7 +47,9 @@ from agribot.ui.view import RunView
 
 SERVER = Who("the page's server", AskerKind.PROGRAM)
 SILENT_PAGE = Who("page, silent", AskerKind.PROGRAM)
-SERVER_SILENT_S = 3.0  # of a server that hangs: it does not report that its operator is lost
+SERVER_SILENT_S = (
+    3.0  # silence of a server that hangs and does not report that its operator is lost
+)
 
 
 class OperatorPage:

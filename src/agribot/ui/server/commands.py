@@ -20,7 +20,7 @@ SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
 MAX_CORNERS = 500
 ROBOT_GONE = "the robot's program has ended"
-MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
+MAX_HAND_AGE_S = 0.5  # age of a request to move; a hand that let go meanwhile cannot be heard yet
 
 
 class Refused(Exception):

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from agribot.core.messages import Who
 
-MERGE_S = 0.2  # the robot stands already; five a second are enough to show who presses
+MERGE_S = 0.2  # period of STOPs that are merged: five a second are enough to show who presses
 
 
 class Stops:
