@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import sqlite3
 import zipfile
 from pathlib import Path
@@ -213,6 +214,53 @@ def test_kml_names_what_has_no_place_or_no_shape_and_points_that_plans_do_not_ke
     assert told.startswith(
         "f.kml: left out: Point 'it' without coordinates, Model 'it' without coordinates; points "
         "without a kind: 1, taken for goals"
+    )
+
+
+def collect(*members: tuple[str, Any, dict[str, Any]]) -> bytes:
+    outline = [[*map(place, FIELD), place(FIELD[0])]]
+    features = [
+        {
+            "type": "Feature",
+            "properties": properties,
+            "geometry": {"type": shape, "coordinates": coordinates},
+        }
+        for shape, coordinates, properties in (("Polygon", outline, {}), *members)
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()
+
+
+FENCE = [place((20.0, 20.0)), place((30.0, 20.0))]
+
+
+def test_lines_and_points_of_openstreetmap_that_stand_in_a_field_are_obstacles(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "f.geojson"
+    file.write_bytes(
+        collect(
+            ("LineString", FENCE, {"barrier": "fence", "power": None}),
+            ("Point", place((40.0, 10.0)), {"natural": "tree"}),
+            ("LineString", [place((70.0, 0.0)), place((70.0, 40.0))], {"highway": "track"}),
+        )
+    )
+    found, _ = read_field(file, FRAME.datum)
+    areas_m2 = sorted(shapely.Polygon(hole).area for hole in found.holes)
+    assert areas_m2 == pytest.approx([0.77, 10.77], rel=0.02)
+    assert (found.rows, found.waypoints) == ((), ())
+    assert found.left_out == "f.geojson: left out: obstacle beyond the boundary"
+
+
+def test_a_line_in_a_field_that_says_nothing_is_named_as_the_row_that_it_is_taken_for(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "f.geojson"
+    file.write_bytes(collect(("LineString", FENCE, {"name": "fence", "barrier": None})))
+    found, _ = read_field(file, FRAME.datum)
+    assert len(found.rows) == 1
+    assert found.left_out == (
+        "f.geojson: lines without a kind: 1, taken for crop rows, which are driven along; draw "
+        "what stands there as an area"
     )
 
 

@@ -7,7 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from agribot.gis.formats.outlines import close_line
+from agribot.gis.formats.partfield_ground import PartfieldGround
 
+# Keys of OpenStreetMap on lines and points of what stands or flows there.
+_STANDING = {"barrier", "highway", "man_made", "natural", "power", "railway", "waterway"}
 _KIND_OF = {"LineString": "row", "Point": "waypoint"}
 _AREAS = {"boundary", "obstacle"}
 Members = list[dict[str, Any]]
@@ -29,11 +32,11 @@ def close_lines(found: Members, changes: Counter[str]) -> None:
             changes[f"line '{name}' is taken for an area: {outline.change}"] += 1
 
 
-def give_kinds(found: Members) -> int:
-    """Give each feature without a kind one; return how many points became goals.
+def give_kinds(found: Members, left_out: Counter[str]) -> Counter[str]:
+    """Give each feature without a kind one; count the lines and points whose use was guessed.
 
-    Areas are boundaries, and obstacles where they lie in another one or a boundary is named. Lines
-    are rows.
+    Areas are boundaries, and obstacles where they lie in another one or a boundary is named. So are
+    lines and points that a tag of OpenStreetMap has something stand on. Other lines are rows.
     """
     untold = [feature for feature in found if not feature["properties"].get("kind")]
     is_bounded = any(feature["properties"].get("kind") == "boundary" for feature in found)
@@ -42,9 +45,33 @@ def give_kinds(found: Members) -> int:
     for number, feature in enumerate(areas):
         feature["properties"]["kind"] = "obstacle" if number in inner else "boundary"
     others = [feature for feature in untold if feature["geometry"]["type"] != "Polygon"]
-    for feature in others:
+    _draw_standing([f for f in others if any(map(f["properties"].get, _STANDING))], found, left_out)
+    guessed = [feature for feature in others if not feature["properties"].get("kind")]
+    for feature in guessed:
         feature["properties"]["kind"] = _KIND_OF[feature["geometry"]["type"]]
-    return sum(feature["geometry"]["type"] == "Point" for feature in others)
+    return Counter(feature["geometry"]["type"] for feature in guessed)
+
+
+def _draw_standing(standing: Members, found: Members, left_out: Counter[str]) -> None:
+    """Replace what stands in a field by its ground."""
+    outlines = [
+        feature["geometry"]["coordinates"][0]
+        for feature in found
+        if feature["properties"].get("kind") == "boundary"
+    ]
+    ground = PartfieldGround(outlines)
+    for feature in standing if outlines else ():
+        shape, properties = feature["geometry"], feature["properties"]
+        places = shape["coordinates"] if shape["type"] == "LineString" else [shape["coordinates"]]
+        found[:] = [each for each in found if each is not feature]
+        properties["kind"] = "obstacle"
+        for geometry, drawn in ground.draw_obstacle(places):
+            if geometry is None:
+                left_out[drawn["left_out"]] += 1
+            else:
+                found.append(
+                    {"type": "Feature", "geometry": geometry, "properties": {**properties}}
+                )
 
 
 def find_inner(areas: Sequence[dict[str, Any]]) -> set[int]:

@@ -30,6 +30,11 @@ from agribot.gis.geojson import (
 from agribot.gis.parts import describe_part, find_boundary, split_boundary
 
 MAX_NAMED = 8  # of the things that a file holds and that are left out
+# Shapes without a kind that are guessed: their type, its word, and what they are taken for.
+GUESSES = (
+    ("LineString", "lines", "crop rows, which are driven along"),
+    ("Point", "points", "goals, which plans do not keep off"),
+)
 _LEVELS = {"Point": (), "LineString": ("position",), "Polygon": ("ring", "position")}
 
 
@@ -70,7 +75,10 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
     changes: Counter[str] = Counter()
     close_lines(found, changes)
     left_out.update(describe_part(part) for part in parts)
-    told = _name_changes(name, left_out, changes, give_kinds(found))
+    guessed = give_kinds(found, left_out)
+    if not any(feature["properties"]["kind"] == "boundary" for feature in found):
+        del guessed["LineString"]  # a file of rows
+    told = _name_changes(name, left_out, changes, guessed)
     more: dict[str, Any] = {"left_out": told} if told else {}
     if parts:
         more["parts"] = parts
@@ -109,18 +117,21 @@ def _read_members(
     return found, spare, left_out
 
 
-def _name_changes(name: str, left_out: Counter[str], changes: Counter[str], points: int) -> str:
-    """Name in one line what was left out or changed, and which points plans do not keep off."""
+def _name_changes(
+    name: str, left_out: Counter[str], changes: Counter[str], guessed: Counter[str]
+) -> str:
+    """Name in one line what was left out or changed, and what was guessed of lines and points."""
     told = []
     if left_out:
         told.append(f"left out: {_list_counted(left_out)}")
     if changes:
         told.append(_list_counted(changes))
-    if points:
-        told.append(
-            f"points without a kind: {points}, taken for goals, which plans do not keep off; draw "
-            "what stands there as an area"
-        )
+    told += [
+        f"{what} without a kind: {guessed[shape]}, taken for {meant}; draw what stands there as an "
+        "area"
+        for shape, what, meant in GUESSES
+        if guessed[shape]
+    ]
     return f"{name[:80]}: {'; '.join(told)}" if told else ""
 
 
