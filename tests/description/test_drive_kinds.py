@@ -27,6 +27,8 @@ MOUNT = """<link name="{name}"/><joint name="{name}_joint" type="{kind}">
 ROLLER = """<link name="{name}"/><joint name="{name}_joint" type="continuous">
   <parent link="{parent}"/><child link="{name}"/><axis xyz="1 1 0"/></joint>"""
 PLUGIN = '<gazebo><plugin name="drive" filename="{file}">{inside}</plugin></gazebo>'
+CONTROL = """<ros2_control name="{name}" type="system"><hardware><plugin>{plugin}</plugin>
+  </hardware></ros2_control>"""
 CORNERS = {"rear_right": (-0.25, -0.28), "rear_left": (-0.25, 0.28),
            "front_right": (0.25, -0.28), "front_left": (0.25, 0.28)}  # fmt: skip
 ONLY = "only skid steer on four, six or eight driven wheels is simulated and controlled"
@@ -124,6 +126,26 @@ KINDS = {
     "mecanum by rollers": (
         FOUR + "".join(ROLLER.format(name=f"r{k}", parent="front_left_wheel") for k in range(8)),
         "wheels: 'front_left_wheel' have rollers (mecanum) and drive sideways",
+    ),
+    "mecanum by the file of a mesh": (
+        FOUR.replace(
+            "</collision>",
+            '</collision><visual><geometry><mesh filename="package://rover/meshes/Mecanum_L.dae"/>'
+            "</geometry></visual>",
+        ),
+        "'front_left_wheel' have rollers (mecanum) and drive sideways",
+    ),
+    "oblique axles": (
+        FOUR.replace('<axis xyz="0 1 0"/>', '<axis xyz="0.5 0.8660254 0"/>'),
+        "'rear_left_wheel', 'front_right_wheel', 'front_left_wheel' lie oblique (omni)",
+    ),
+    "mecanum by ros2_control": (
+        FOUR + CONTROL.format(name="base", plugin="rover_hardware/MecanumSystem"),
+        "ros2_control 'base': it drives sideways",
+    ),
+    "steering by ros2_control": (
+        FOUR + CONTROL.format(name="ackermann_base", plugin="gz_ros2_control/GazeboSimSystem"),
+        "ros2_control 'ackermann_base': it steers wheels",
     ),
     "planar plugin": (
         FOUR + PLUGIN.format(file="libgazebo_ros_planar_move.so", inside=""),

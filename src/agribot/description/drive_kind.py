@@ -20,6 +20,7 @@ from agribot.description.tags import (
 )
 
 ACROSS = 0.7  # of an axle: the part of it that lies across the robot
+ALONG = 0.3  # of an axle: the part of it along the robot above which its wheel goes aside
 UPRIGHT = 0.7  # of the axis of a steering joint: the part of it that is vertical
 # Of a first direction of friction: more of it along the axle and across it is a roller's.
 OBLIQUE = 0.3
@@ -100,7 +101,9 @@ def leave_driven(
     """
     wheels = _leave_named(wheels, source)
     _check_plugins(root, source)
+    _check_controllers(root, source)
     _check_sideways(root, wheels, joints, source)
+    _check_axles(wheels, source)
     turned = {wheel.joint.child: _find_steering(wheel, joints, poses) for wheel in wheels}
     castors = [w for w in wheels if _is_castor(w, turned[w.joint.child])]
     steered = [w for w in wheels if turned[w.joint.child] and w not in castors]
@@ -131,10 +134,28 @@ def _check_plugins(root: ET.Element, source: SourceFile) -> None:
     for _link, block in iterate_gazebo_blocks(root):
         for plugin in block.iter("plugin"):
             file = plugin.get("filename", "")
-            words = f"{file} {plugin.get('name', '')}".lower()
-            for kind, marks in OTHER_DRIVES.items():
-                if any(mark in words for mark in marks):
-                    raise source.fail(f"plugin '{file}'", f"it {kind}; {ONLY}")
+            _check_words(f"plugin '{file}'", f"{file} {plugin.get('name', '')}", source)
+
+
+def _check_controllers(root: ET.Element, source: SourceFile) -> None:
+    """Refuse a robot whose ros2_control drives otherwise, by its name or that of its hardware."""
+    for block in root.iter("ros2_control"):
+        name = block.get("name", "")
+        plugins = " ".join(plugin.text or "" for plugin in block.iter("plugin"))
+        _check_words(f"ros2_control '{name}'", f"{name} {plugins}", source)
+
+
+def _check_words(where: str, words: str, source: SourceFile) -> None:
+    for kind, marks in OTHER_DRIVES.items():
+        if any(mark in words.lower() for mark in marks):
+            raise source.fail(where, f"it {kind}; {ONLY}")
+
+
+def _check_axles(wheels: Sequence[Wheel], source: SourceFile) -> None:
+    """Refuse wheels that are set oblique, as on a robot that drives in every direction."""
+    oblique = [wheel for wheel in wheels if abs(wheel.axle[0]) > ALONG]
+    if oblique:
+        raise source.fail("wheels", f"the axles of {_name(oblique)} lie oblique (omni); {ONLY}")
 
 
 def _check_sideways(
@@ -147,12 +168,24 @@ def _check_sideways(
         for wheel in wheels
         if any(word in wheel.names for word in SIDEWAYS_WORDS)
         or turning.count(wheel.joint.child) >= ROLLERS
+        or _has_roller_mesh(root, wheel)
         or _has_oblique_friction(root, wheel)
     ]
     if sideways:
         raise source.fail(
             "wheels", f"{_name(sideways)} have rollers (mecanum) and drive sideways; {ONLY}"
         )
+
+
+def _has_roller_mesh(root: ET.Element, wheel: Wheel) -> bool:
+    """Return whether a file of the wheel's shape has a name of wheels with rollers."""
+    files = [
+        mesh.get("filename", "").rpartition("/")[2].lower()
+        for link in root.findall("link")
+        if link.get("name") == wheel.joint.child
+        for mesh in link.iter("mesh")
+    ]
+    return any(word in file for file in files for word in SIDEWAYS_WORDS)
 
 
 def _has_oblique_friction(root: ET.Element, wheel: Wheel) -> bool:
