@@ -75,6 +75,15 @@ def test_a_part_of_a_model_is_placed_in_the_frame_that_it_names(
     assert find_box(world) == pytest.approx((3.0, 4.0, 0.5, math.pi / 2.0))
 
 
+def test_the_attribute_of_older_files_names_a_frame_too(tmp_path: Path) -> None:
+    old = box_at("a").replace("relative_to", "frame")
+    world = load_world(file_of(tmp_path, model(LINK_A + old)))
+    assert find_box(world) == pytest.approx((3.0, 4.0, 0.5, math.pi / 2.0))
+    world = load_world(file_of(tmp_path, model(LINK_A + old.replace('"a"', '"map"'))))
+    assert find_box(world) == pytest.approx((4.0, 1.0, 0.0, 0.0))
+    assert "model 'm': the pose of 'b' names 'map', which is no frame" in "".join(world.warnings)
+
+
 def test_the_frame_of_the_model_may_be_named(tmp_path: Path) -> None:
     body = model(FRAME + box_at("__model__"))
     assert find_box(load_world(file_of(tmp_path, body))) == pytest.approx((4.0, 1.0, 0.0, 0.0))

@@ -37,7 +37,7 @@ class FrameScope:
         name = _name(element)
         placed = element if element.find("pose") is not None else self._find_model(element)
         pose = None if placed is None else placed.find("pose")
-        relative = "" if pose is None else pose.get("relative_to", "")
+        relative = "" if pose is None else self._read_relative(pose, name)
         if element in self._open:
             raise self._source.fail(self._where, f"'{name}' is placed relative to itself")
         self._open.add(element)
@@ -50,6 +50,20 @@ class FrameScope:
         where = f"{element.tag} '{name}'" if self._is_world else self._where
         found: FloatArray = frame @ read_pose(placed, self._source, where)
         return found @ self._find_placement(element)
+
+    def _read_relative(self, pose: ET.Element, user: str) -> str:
+        """Return the frame that a pose names; in SDF 1.5 and 1.6 its attribute is `frame`.
+
+        Programs of that time ignored a name that is none.
+        """
+        old = pose.get("frame", "")
+        if old and old not in OWN and old.partition("::")[0] not in self._elements:
+            self._source.warn(
+                f"{self._where}: the pose of '{user}' names '{old}', which is no frame; it is "
+                "taken as if it named none"
+            )
+            old = ""
+        return pose.get("relative_to", "") or old
 
     def find_frame(self, name: str, user: str) -> FloatArray:
         """Return `scope_from_frame`, (4, 4), of a frame that `user` names."""

@@ -57,7 +57,7 @@ def _take_pose(sensor: ET.Element, link: str, source: SourceFile) -> FloatArray:
         pose = element.find("pose")
         if pose is None:
             continue
-        relative = pose.get("relative_to", "")
+        relative = pose.get("relative_to", "") or pose.get("frame", "")  # that of SDF 1.6
         if relative not in {"", link}:
             raise source.fail(
                 where,
