@@ -258,3 +258,18 @@ def test_wheels_that_the_robots_own_plugin_leaves_to_roll_are_named(tmp_path: Pa
         "plugin 'gz-sim-diff-drive-system' does not drive 'front_right_wheel', "
         "'front_left_wheel'; here all four wheels drive"
     ) in told
+
+
+def test_wheels_without_a_transmission_and_without_a_command_are_named(tmp_path: Path) -> None:
+    rear = [f"{place}_wheel_joint" for place in REAR]
+    transmissions = "".join(
+        f'<transmission name="of_{joint}"><joint name="{joint}"/></transmission>' for joint in rear
+    )
+    commands = "".join(
+        f'<joint name="{joint}"><command_interface name="velocity"/></joint>' for joint in rear
+    )
+    control = f'<ros2_control name="base" type="system">{commands}</ros2_control>'
+    told = load_robot(file_of(tmp_path, FOUR + transmissions + control)).warnings
+    rolling = "does not drive 'front_right_wheel', 'front_left_wheel'; here all four wheels drive"
+    assert f"<transmission> {rolling}" in told
+    assert f"ros2_control 'base' {rolling}" in told

@@ -246,19 +246,29 @@ def _find_left_m(wheel: Wheel) -> float:
 
 
 def _warn_of_undriven(root: ET.Element, driven: Sequence[Wheel], source: SourceFile) -> None:
-    """Warn of wheels that the robot's own drive plugin leaves to roll."""
+    """Warn of wheels that the robot's own drive leaves to roll."""
+    for what, named in _list_drives(root, source):
+        rolling = [wheel for wheel in driven if wheel.joint.name not in named]
+        if not 0 < len(rolling) < len(driven):
+            continue
+        undriven = f"{what} does not drive {_name(rolling)}"
+        if len(driven) > len(WHEEL_NAMES) > len(driven) - len(rolling):
+            raise source.fail("wheels", f"{undriven}, which would roll along; {ONLY}; {TO_TRY}")
+        source.warn(f"{undriven}; here all {_count(driven)} wheels drive")
+
+
+def _list_drives(root: ET.Element, source: SourceFile) -> Iterator[tuple[str, set[str]]]:
+    """List what says which joints are driven, and their names."""
     plugin = find_plugin(root, DRIVE_PLUGINS, source)
-    joints = (
-        [] if plugin is None else [e for e in plugin.element if e.tag.lower().endswith("joint")]
-    )
-    named = {read_tag_value(element) for element in joints}
-    rolling = [wheel for wheel in driven if wheel.joint.name not in named]
-    if plugin is None or not 0 < len(rolling) < len(driven):
-        return
-    undriven = f"{plugin.what} does not drive {_name(rolling)}"
-    if len(driven) > len(WHEEL_NAMES) > len(driven) - len(rolling):
-        raise source.fail("wheels", f"{undriven}, which would roll along; {ONLY}; {TO_TRY}")
-    source.warn(f"{undriven}; here all {_count(driven)} wheels drive")
+    if plugin is not None:
+        joints = [e for e in plugin.element if e.tag.lower().endswith("joint")]
+        yield plugin.what, {read_tag_value(element) for element in joints}
+    transmitted = root.findall("transmission/joint")
+    yield "<transmission>", {joint.get("name", "") for joint in transmitted}
+    for block in root.findall("ros2_control"):
+        commanded = [e for e in block.findall("joint") if e.find("command_interface") is not None]
+        named = {joint.get("name", "") for joint in commanded}
+        yield f"ros2_control '{block.get('name', '')}'", named
 
 
 def _count(wheels: Sequence[Wheel]) -> str:

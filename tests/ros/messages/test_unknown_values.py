@@ -195,6 +195,16 @@ def test_a_gps_fix_without_any_accuracy_is_worth_what_its_kind_is_worth() -> Non
         assert read(kind, message).pos_std_m == USUAL_STD_M
 
 
+@pytest.mark.parametrize("number", [0.0, NAN])
+def test_an_imu_whose_acceleration_has_no_numbers_measures_its_turn_alone(number: float) -> None:
+    """A driver of a gyro leaves the other fields as they are made."""
+    kind = KINDS["sensor_msgs/msg/Imu"]
+    message = kind.make()
+    for axis in "xyz":
+        put(message, f"linear_acceleration.{axis}", number)
+    assert read(kind, message) == msgspec.structs.replace(IMU, accel_mps2=None)
+
+
 @pytest.mark.parametrize("variance_m2", [1e9, math.inf])
 def test_a_variance_that_no_fix_has_is_refused_with_the_limit(variance_m2: float) -> None:
     for ros_type in ("sensor_msgs/msg/NavSatFix", "gps_msgs/msg/GPSFix"):

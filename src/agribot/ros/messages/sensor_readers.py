@@ -112,14 +112,18 @@ def read_fix(message: Any, t_s: float) -> GnssFix | None:
 
 
 def read_imu(message: Any, t_s: float) -> ImuSample:
-    """Read an Imu, whose parts are not measured where the first number of a covariance is -1."""
+    """Read an Imu, whose parts are not measured where the first number of a covariance is -1.
+
+    Nor is an acceleration without a number, or of exactly zero, which none on Earth is.
+    """
     if message.angular_velocity_covariance[0] == NOT_MEASURED:
         raise BridgeError(
             "an Imu without angular velocity (its covariance begins with -1), which the robot "
             "needs; take the topic of an IMU with a gyro"
         )
-    has_accel = message.linear_acceleration_covariance[0] != NOT_MEASURED
     accel = message.linear_acceleration
+    is_told = any(number and not math.isnan(number) for number in (accel.x, accel.y, accel.z))
+    has_accel = is_told and message.linear_acceleration_covariance[0] != NOT_MEASURED
     return ImuSample(
         t_s=t_s,
         gyro_radps=_read_finite(message.angular_velocity, "angular velocity"),
