@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,7 +18,9 @@ SETTINGS = ("perception.enabled=false", "record.enabled=false", "mission.waits_f
 
 
 @contextmanager
-def driven_robot(out_dir: Path, *options: str) -> Iterator[SimulatedRun]:
+def driven_robot(
+    out_dir: Path, *options: str, pause_s: float = 0.002, settings: Sequence[str] = SETTINGS
+) -> Iterator[SimulatedRun]:
     parser = argparse.ArgumentParser()
     bridging.add_arguments(parser)
     parsed = parser.parse_args(options)
@@ -28,9 +30,9 @@ def driven_robot(out_dir: Path, *options: str) -> Iterator[SimulatedRun]:
         for _ in session.ticks():
             if over.is_set():
                 return
-            time.sleep(0.002)
+            time.sleep(pause_s)
 
-    with simulate(config.load("farm", list(SETTINGS)), out_dir) as session:
+    with simulate(config.load("farm", list(settings)), out_dir) as session:
         driver = threading.Thread(target=drive, daemon=True)
         with bridging.open_bridges(parsed, session):
             driver.start()

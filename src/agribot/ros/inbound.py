@@ -18,7 +18,7 @@ from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.pose_request import read_stated_pose, request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests
 
-_MIN_INTERVAL_S = 0.05  # of the messages on one topic; faster ones are dropped, except a stop
+_MIN_INTERVAL_S = 0.05  # of the messages on one topic, and of a command; faster ones are dropped
 _MOST_TEXT = 200  # characters of a command
 _COMMANDS: dict[str, OperatorAction] = {
     **{name.rpartition("/")[2]: action for name, action in SERVICES},
@@ -63,8 +63,11 @@ class InboundTopics:
             self._requests.refuse(f"{source}: {topic.name}: {error}")
 
     def _is_too_fast(self, name: str, message: Any) -> bool:
-        if name == inbound.COMMAND.name and message.data == "stop":
-            return False
+        """Whether the message follows the one before too soon; of commands, the same one."""
+        if name == inbound.COMMAND.name and message.data in _COMMANDS:
+            if message.data == "stop":
+                return False
+            name = f"{name} {message.data}"
         now_s, next_s = self._now_s(), self._next_s.get(name, -math.inf)
         if 0.0 < next_s - now_s <= _MIN_INTERVAL_S:
             return True

@@ -1,0 +1,219 @@
+"""A user's program on each of the two networks of ROS 2: rmw_zenoh's wire, and DDS."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import defaultdict, deque
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from agribot.core import topics
+from agribot.core.inbound_topics import COMMAND, GOAL_POSE
+from agribot.core.topics import Topic
+from agribot.ros.dds.node import DdsNode, _write
+from agribot.ros.messages import rosmsg
+from agribot.ros.ros2 import wire
+from agribot.ros.ros2.node import ROUTER, Ros2Node, TopicPublisher
+from agribot.ros.ros2.robot_server import POSE_PARAMETERS
+from agribot.ros.ros2.services import NAVIGATE_TO_POSE, load_service_types
+from tests.waiting import PATIENCE_S, wait_for
+
+KEPT = 2000
+LOUD_RADPS = 0.05
+EMPTY = 0  # what stands in a request without fields
+DOUBLE = 3  # of rcl_interfaces/ParameterType
+Step = tuple[str, Callable[[Any], str]]
+
+
+class Transport(Protocol):
+    """How a user's program speaks with the robot; `steps` are those of this network alone."""
+
+    name: str
+    heard: dict[str, deque[Any]]
+    steps: tuple[Step, ...]
+
+    def hear(self, topic: Topic) -> None: ...
+
+    def list_topics(self) -> dict[str, str]: ...
+
+    def publish(self, topic: Topic, *fields: Any) -> None:
+        """Publish one message once the robot listens."""
+        ...
+
+    def request(self, name: str) -> None: ...
+
+    def go_to(self, x_m: float, y_m: float) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def make_inbox() -> dict[str, deque[Any]]:
+    return defaultdict(lambda: deque(maxlen=KEPT))
+
+
+def decode(topic: Topic, data: bytes) -> Any:
+    return rosmsg.load_types().deserialize_cdr(data, topic.ros_type)
+
+
+def encode(topic: Topic, *fields: Any) -> bytes:
+    return rosmsg.to_cdr(rosmsg.make_message(topic.ros_type, *fields))
+
+
+class DdsUser:
+    """Topics alone: the two makers of DDS do not agree on how it carries a request."""
+
+    name = "dds"
+    steps: tuple[Step, ...] = ()
+
+    def __init__(self, domain: int = 0) -> None:
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+
+        self._node = DdsNode("user", domain)
+        self.heard = make_inbox()
+        self._writers: dict[str, Any] = {}
+        self._listed: dict[str, str] = {}
+        self._publications: Any = BuiltinDataReader(
+            self._node._participant, BuiltinTopicDcpsPublication
+        )
+
+    def hear(self, topic: Topic) -> None:
+        inbox = self.heard[topic.name]
+        self._node.subscribe(topic, lambda data: inbox.append(decode(topic, data)))
+
+    def list_topics(self) -> dict[str, str]:
+        for seen in self._publications.take(500):
+            ros_type = wire.from_dds_name(seen.type_name)
+            self._listed[seen.topic_name.removeprefix("rt")] = ros_type
+        return self._listed
+
+    def publish(self, topic: Topic, *fields: Any) -> None:
+        if topic.name not in self._writers:
+            self._writers[topic.name] = self._node._create_writer(topic, f"rt{topic.name}")
+        writer = self._writers[topic.name]
+        listeners = 1 + (topic.name in self.heard)
+        wait_for(lambda: len(writer.get_matched_subscriptions()) >= listeners, topic.name)
+        _write(writer, encode(topic, *fields))
+
+    def request(self, name: str) -> None:
+        self.publish(COMMAND, name)
+
+    def go_to(self, x_m: float, y_m: float) -> None:
+        pose = rosmsg.make_pose(x_m, y_m, math.pi / 2.0)
+        self.publish(GOAL_POSE, rosmsg.make_header(0.0, "map"), pose)
+
+    def close(self) -> None:
+        self._writers.clear()
+        self._publications = None
+        self._node.close()
+
+
+class ZenohUser:
+    """Topics, services, actions and parameters."""
+
+    name = "zenoh"
+
+    def __init__(self, router: str = ROUTER, domain: int = 0) -> None:
+        self._node = Ros2Node("user", domain, router, listen=False)
+        self._types = load_service_types()
+        self.heard = make_inbox()
+        self._writers: dict[str, TopicPublisher] = {}
+        self.steps: tuple[Step, ...] = (
+            ("set_pose of the parameters", self._set_pose),
+            ("noise of the gyro as a parameter", self._change_noise),
+        )
+
+    def hear(self, topic: Topic) -> None:
+        inbox = self.heard[topic.name]
+        self._node.subscribe(topic, lambda data: inbox.append(decode(topic, data)), topic.qos)
+
+    def list_topics(self) -> dict[str, str]:
+        return self._node.list_topics()
+
+    def publish(self, topic: Topic, *fields: Any) -> None:
+        if topic.name not in self._writers:
+            self._writers[topic.name] = self._node.create_publisher(topic)
+        writer = self._writers[topic.name]
+        wait_for(lambda: writer._publisher.matching_status.matching, topic.name)
+        writer(encode(topic, *fields))
+
+    def request(self, name: str) -> None:
+        kind, fields = ("SetBool", (True,)) if name == "pause" else ("Trigger", (EMPTY,))
+        self._call(f"/agribot/{name}", f"std_srvs/srv/{kind}", *fields)
+
+    def go_to(self, x_m: float, y_m: float) -> None:
+        pose = rosmsg.make_message(
+            "geometry_msgs/msg/PoseStamped",
+            rosmsg.make_header(0.0, "map"),
+            rosmsg.make_pose(x_m, y_m, math.pi / 2.0),
+        )
+        goal = self._types.types[f"{NAVIGATE_TO_POSE}_Goal"](pose, "")
+        uuid = self._types.types["unique_identifier_msgs/msg/UUID"](
+            np.frombuffer(np.array([x_m, y_m]).tobytes(), np.uint8)
+        )
+        answer = self._call(
+            "/navigate_to_pose/_action/send_goal", f"{NAVIGATE_TO_POSE}_SendGoal", uuid, goal
+        )
+        assert answer.accepted
+
+    def close(self) -> None:
+        self._node.close()
+
+    def _set_pose(self, user: Any) -> str:
+        """The robot believes it until its receiver knows better."""
+        x_m, y_m, yaw_rad = user.truth
+        for name, value in zip(POSE_PARAMETERS, (x_m, y_m + 0.4, yaw_rad), strict=True):
+            self._set_parameter("agribot", name, value)
+        self.heard[topics.ODOMETRY.name].clear()
+        self.request("set_pose")
+        said: str = user.wait_until_believed(x_m, y_m + 0.4)
+        return said
+
+    def _change_noise(self, _user: Any) -> str:
+        deviations = [self._measure_gyro_radps()]
+        for value in (LOUD_RADPS, 0.0):
+            self._set_parameter("agribot_sensors", "gyro.gaussian_noise", value)
+            deviations.append(self._measure_gyro_radps())
+        quiet, loud, again = deviations
+        seen = f"gyro {quiet:.4f}, {loud:.4f}, {again:.4f} rad/s"
+        assert abs(loud - math.hypot(LOUD_RADPS, quiet)) < 0.01, seen
+        assert quiet < 0.01 and again < 0.01, seen
+        return seen
+
+    def _measure_gyro_radps(self) -> float:
+        """The deviation of what is sampled a moment from now on."""
+        inbox = self.heard[topics.IMU.name]
+        inbox.clear()
+        wait_for(lambda: len(inbox) > 250, "the IMU")
+        rates_radps: list[float] = [m.angular_velocity.x for m in list(inbox.copy())[50:250]]
+        return statistics.pstdev(rates_radps)
+
+    def _set_parameter(self, node: str, name: str, value: float) -> None:
+        make, nothing = self._types.types, np.zeros(0)
+        packed = make["rcl_interfaces/msg/ParameterValue"](
+            DOUBLE, False, 0, value, "", nothing.astype(np.uint8), nothing.astype(bool),
+            nothing.astype(np.int64), nothing, [],
+        )  # fmt: skip
+        parameter = make["rcl_interfaces/msg/Parameter"](name, packed)
+        answer = self._call(
+            f"/{node}/set_parameters", "rcl_interfaces/srv/SetParameters", [parameter]
+        )
+        assert answer.results[0].successful, answer.results[0].reason
+
+    def _call(self, name: str, ros_type: str, *fields: Any) -> Any:
+        request_type = f"{ros_type}_Request"
+        request = self._types.types[request_type](*fields)
+        key = wire.make_topic_key(
+            self._node.domain, name, ros_type, self._types.hash_rihs01(ros_type)
+        )
+        replies = self._node.session.get(
+            key, payload=bytes(self._types.serialize_cdr(request, request_type)),
+            attachment=wire.pack_attachment(1, 0, bytes(16)), timeout=PATIENCE_S,
+        )  # fmt: skip
+        (payload,) = (reply.ok.payload for reply in replies if reply.ok is not None)
+        return self._types.deserialize_cdr(payload.to_bytes(), f"{ros_type}_Response")
+
+
+TRANSPORTS: dict[str, Callable[[], Transport]] = {"zenoh": ZenohUser, "dds": DdsUser}
