@@ -93,8 +93,7 @@ class DdsUser:
         if topic.name not in self._writers:
             self._writers[topic.name] = self._node._create_writer(topic, f"rt{topic.name}")
         writer = self._writers[topic.name]
-        listeners = 1 + (topic.name in self.heard)
-        wait_for(lambda: len(writer.get_matched_subscriptions()) >= listeners, topic.name)
+        wait_for(writer.get_matched_subscriptions, topic.name)
         _write(writer, encode(topic, *fields))
 
     def request(self, name: str) -> None:

@@ -95,9 +95,14 @@ class DdsNode:
     ) -> Callable[[], None]:
         """Call `on_message` with CDR in a thread of DDS; call `announce` after the last one.
 
-        Return what ends the subscription.
+        As in ROS 1 the node does not hear itself. Return what ends the subscription.
         """
-        made = self._create_reader(topic, f"rt{topic.name}", on_message, types)
+        from cyclonedds.qos import Policy
+        from cyclonedds.qos import Qos as DdsQos
+
+        own = Policy.IgnoreLocal.Participant
+        qos = DdsQos(own, base=_make_qos(topic, types))
+        made = self._create_reader(topic, f"rt{topic.name}", on_message, types, qos)
         guid = made[0].guid.bytes
         self._readers.append(guid)
 
@@ -114,7 +119,7 @@ class DdsNode:
     def subscribe_nodes(self, on_message: Callable[[bytes], None]) -> None:
         """Call `on_message` with what each participant says of its nodes, in a thread of DDS."""
         topic = msgspec.structs.replace(NODES, qos=Qos(latched=True, depth=_MOST_PARTICIPANTS))
-        self._create_reader(topic, topic.name, on_message, None)
+        self._create_reader(topic, topic.name, on_message, None, _make_qos(topic, None))
 
     def _create_reader(
         self,
@@ -122,6 +127,7 @@ class DdsNode:
         name: str,
         on_message: Callable[[bytes], None],
         types: Typestore | None,
+        qos: Any,
     ) -> list[Any]:
         """Create a reader; it lives as long as the list of it and its parts."""
         from cyclonedds.core import Listener
@@ -136,7 +142,6 @@ class DdsNode:
 
         listener = MessageListener()  # type: ignore[no-untyped-call]
         made = self._create_topic(topic, name, types)
-        qos = _make_qos(topic, types)
         reader = [DataReader(self._subscriber, made, qos, listener), listener, made]
         self._kept.append(reader)
         return reader

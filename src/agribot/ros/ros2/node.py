@@ -147,10 +147,11 @@ def _compute_hash(topic: Topic) -> str:
 def _subscribe(
     session: zenoh.Session, key: str, qos: Qos, on_sample: Callable[[zenoh.Sample], None]
 ) -> Any:
+    import zenoh
     from zenoh import ext
 
-    if not qos.latched:
-        return session.declare_subscriber(key, on_sample)
+    if not qos.latched:  # as in ROS 1 a node does not hear itself
+        return session.declare_subscriber(key, on_sample, allowed_origin=zenoh.Locality.REMOTE)
     return ext.declare_advanced_subscriber(
         session,
         key,
