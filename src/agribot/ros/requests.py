@@ -13,8 +13,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from agribot.autonomy.plan.curves import Place
 from agribot.core.errors import BridgeError
-from agribot.core.messages import Inbox, OperatorAction, OperatorEvent
+from agribot.core.messages import Estimate, Inbox, OperatorAction, OperatorEvent, Path
 from agribot.ros.robot_link import OnAnswer, OnOutcome, RobotLink
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ _MOVING: frozenset[OperatorAction] = frozenset(
     {"resume", "clear_stop", "start", "skip_row", "return_home", "goto", "visit", "set"}
 )
 
+PlanWay = Callable[[Estimate, Place], Path]  # raises MissionError
 Twist = tuple[float, float, float, float, float, float]  # linear x y z, angular x y z
 
 SERVICES: tuple[tuple[str, OperatorAction], ...] = (
@@ -49,7 +51,8 @@ class Requests:
     """Posts requests from any thread.
 
     `report` is called with each refusal and its reason, at most every few seconds for each. With a
-    `link`, which must be a tap of the run, peers get the mission's own answers.
+    `link`, which must be a tap of the run, peers get the mission's own answers, and with `plan_way`
+    routes.
     """
 
     def __init__(
@@ -61,9 +64,10 @@ class Requests:
         now_s: Callable[[], float] = time.monotonic,
         link: RobotLink | None = None,
         frames: PeerFrames | None = None,
+        plan_way: PlanWay | None = None,
     ) -> None:
         self.allow_drive, self.link = allow_drive, link
-        self.frames = frames
+        self.frames, self.plan_way = frames, plan_way
         self._inbox, self._report, self._now_s = inbox, report, now_s
         self._lock = threading.Lock()
         self._next_twist_s = -math.inf
