@@ -228,7 +228,7 @@ STEPS: tuple[tuple[str, Callable[[User], str]], ...] = (
 def run_steps(user: User) -> int:
     """The number of steps that failed."""
     failed = 0
-    *first, last = STEPS  # in place of the mission, of which no way is planned then
+    *first, last = STEPS  # a visit takes the place of the mission, which plans no way then
     for name, step in (*first, *user.transport.steps, last):
         try:
             line = f"pass  {user.transport.name}, {name}: {step(user)}"
