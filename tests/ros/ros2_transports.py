@@ -17,6 +17,7 @@ from agribot.core.inbound_topics import COMMAND, GOAL_POSE
 from agribot.core.topics import Topic
 from agribot.ros.dds.node import DdsNode, _write
 from agribot.ros.messages import rosmsg
+from agribot.ros.messages.dds_names import from_dds_name
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import ROUTER, Ros2Node, TopicPublisher
 from agribot.ros.ros2.robot_server import POSE_PARAMETERS
@@ -89,7 +90,7 @@ class DdsUser:
 
     def list_topics(self) -> dict[str, str]:
         for seen in self._publications.take(500):
-            ros_type = wire.from_dds_name(seen.type_name)
+            ros_type = from_dds_name(seen.type_name)
             self._listed[seen.topic_name.removeprefix("rt")] = ros_type
         return self._listed
 
