@@ -23,10 +23,25 @@ from pathlib import Path
 from typing import Any
 
 import actionlib
+import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalStatus
-from geometry_msgs.msg import PointStamped, PoseArray, PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseArray,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+)
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from original_contract import (
+    CONTRACT,
+    LOUD_RADPS,
+    NOISE,
+    PLAN_ROUTE_MD5,
+    RATES_HZ,
+    RECONFIGURE_MD5,
+    ROUTE_TEXTS,
+)
 from original_robot import (
     PATIENCE_S,
     SEPARATOR,
@@ -53,43 +68,6 @@ OPTIONS = (
 )
 RVIZ = Path(__file__).parents[2] / "ros1" / "agribot_description" / "rviz" / "agribot.rviz"
 RVIZ_TOOLS = {"/initialpose", "/move_base_simple/goal", "/clicked_point"}
-# The original's topics and types.
-CONTRACT = {
-    "/agribot/fix": "sensor_msgs/NavSatFix",
-    "/agribot/fix_velocity": "geometry_msgs/Vector3Stamped",
-    "/agribot/imu": "sensor_msgs/Imu",
-    "/agribot/imu/bias": "sensor_msgs/Imu",
-    "/magnetic": "geometry_msgs/Vector3Stamped",
-    "/odom": "nav_msgs/Odometry",
-    "/agribot/odom": "nav_msgs/Odometry",
-    "/agribot/joint_states": "sensor_msgs/JointState",
-    "/joint_states": "sensor_msgs/JointState",
-    "/agribot/agribot/camera/image_raw": "sensor_msgs/Image",
-    "/currentPose": "geometry_msgs/Pose",
-    "/goal_GPS": "sensor_msgs/NavSatFix",
-    "/distance": "std_msgs/Float64",
-    "/angle": "std_msgs/Float64",
-    "/angleOG": "std_msgs/Float64",
-    "/Rawheading": "std_msgs/Float64",
-    "/Filteredheading": "std_msgs/Float64",
-    "/calibrated": "std_msgs/Bool",
-    "/tf": "tf2_msgs/TFMessage",
-    "/clock": "rosgraph_msgs/Clock",
-    "/move_base/status": "actionlib_msgs/GoalStatusArray",
-}
-# Of docs/topics.md.
-RATES_HZ = {
-    "/agribot/imu": 200.0,
-    "/odom": 50.0,
-    "/agribot/joint_states": 50.0,
-    "/agribot/fix": 10.0,
-    "/currentPose": 10.0,
-    "/magnetic": 5.0,
-}
-NOISE = "/agribot/imu/rate"
-LOUD_RADPS = 0.05
-# Of dynamic_reconfigure/Reconfigure, which rqt_reconfigure calls with a Config in and out.
-RECONFIGURE_MD5 = "bb125d226a21982a4a98760418dc2672"
 
 
 def see_the_launch(robot: Robot) -> str:
@@ -298,6 +276,22 @@ def visit_a_list(robot: Robot) -> str:
     return f"{robot.status['waypoints_reached']} of 2 places, North {robot.truth[1]:.2f} m"
 
 
+def plan_a_route(robot: Robot) -> str:
+    """As mapviz's plan_route, which draws what it gets."""
+    before = robot.truth
+    service, _ = make_service("marti_nav_msgs/PlanRoute", PLAN_ROUTE_MD5, *ROUTE_TEXTS)
+    request = service._request_class()
+    request.header.frame_id, request.plan_from_vehicle = "map", True
+    request.waypoints = [make_pose(-2.0, 1.0, 1.57), make_pose(-2.0, 3.0, 1.57)]
+    answer = rospy.ServiceProxy("/agribot/plan_route", service)(request)
+    check(answer.success, answer.message)
+    places = [(p.pose.position.x, p.pose.position.y) for p in answer.route.route_points]
+    check(math.dist(places[0], before) < 0.1 and math.dist(places[-1], (-2.0, 3.0)) < 0.05, places)
+    check(min(math.dist(place, (-2.0, 1.0)) for place in places) < 0.05, places)
+    check(robot.stands and robot.is_at(*before), robot.truth)
+    return f"{len(places)} points from the robot through both places, not driven"
+
+
 STEPS: tuple[tuple[str, Callable[[Robot], str]], ...] = (
     ("roslaunch agribot_description agribot.launch", see_the_launch),
     ("rostopic list -v", list_topics),
@@ -313,15 +307,21 @@ STEPS: tuple[tuple[str, Callable[[Robot], str]], ...] = (
     ("RViz, Publish Point", use_publish_point),
     ("RViz, agribot.rviz", compare_rviz),
     ("rqt_reconfigure, noise of the gyro", change_noise),
+    ("mapviz, plan_route", plan_a_route),
     ("actionlib, one goal after the other", send_goals),
     ("a list of places at once", visit_a_list),
 )
+
+
+def has_simulated_time() -> bool:
+    return bool(rosgraph.Master("/user").hasParam("/use_sim_time"))
 
 
 def main() -> int:
     failed = 0
     launch = ["roslaunch", "agribot_description", "agribot.launch", "rviz:=false"]
     with subprocess.Popen([*launch, f"options:={OPTIONS}"], stdout=subprocess.DEVNULL) as process:
+        wait(has_simulated_time, "roslaunch has not set /use_sim_time")  # read when a node begins
         rospy.init_node("user", disable_signals=True)
         robot = Robot()
         for name, step in STEPS:

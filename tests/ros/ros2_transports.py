@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import statistics
 from collections import defaultdict, deque
@@ -9,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
+from rosbags.typesys.store import Typestore
 
 from agribot.core import topics
 from agribot.core.inbound_topics import COMMAND, GOAL_POSE
@@ -19,7 +21,9 @@ from agribot.ros.messages.dds_names import from_dds_name
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import ROUTER, Ros2Node, TopicPublisher
 from agribot.ros.ros2.robot_server import POSE_PARAMETERS
+from agribot.ros.ros2.route_types import PLAN_ROUTE, load_route_types
 from agribot.ros.ros2.services import NAVIGATE_TO_POSE, load_service_types
+from agribot.ros.route_plans import PLAN_SERVICE
 from tests.waiting import PATIENCE_S, wait_for
 
 KEPT = 2000
@@ -77,7 +81,7 @@ class DdsUser:
         self._writers: dict[str, Any] = {}
         self._listed: dict[str, str] = {}
         self._publications: Any = BuiltinDataReader(
-            self._node._participant, BuiltinTopicDcpsPublication
+            self._node.participant, BuiltinTopicDcpsPublication
         )
 
     def hear(self, topic: Topic) -> None:
@@ -123,6 +127,7 @@ class ZenohUser:
         self.steps: tuple[Step, ...] = (
             ("set_pose of the parameters", self._set_pose),
             ("noise of the gyro as a parameter", self._change_noise),
+            ("mapviz, plan_route", self._plan_a_route),
         )
 
     def hear(self, topic: Topic) -> None:
@@ -182,6 +187,25 @@ class ZenohUser:
         assert quiet < 0.01 and again < 0.01, seen
         return seen
 
+    def _plan_a_route(self, user: Any) -> str:
+        """With the route's cost, and as it was before without."""
+        lengths_m = [self._measure_route_m(user, has_cost=has_cost) for has_cost in (True, False)]
+        assert abs(lengths_m[0] - lengths_m[1]) < 0.1 and user.stands, lengths_m
+        return f"{lengths_m[0]:.2f} m, not driven"
+
+    def _measure_route_m(self, user: Any, *, has_cost: bool) -> float:
+        header, x_m, y_m = rosmsg.make_header(0.0, "map"), user.truth[0], user.truth[1]
+        waypoints = [rosmsg.make_pose(x_m, y_m + ahead_m, math.pi / 2.0) for ahead_m in (1.0, 2.0)]
+        types = load_route_types(has_cost=has_cost)
+        answer = self._call(PLAN_SERVICE, PLAN_ROUTE, header, waypoints, True, types=types)
+        assert answer.success, answer.message
+        points = [(p.pose.position.x, p.pose.position.y) for p in answer.route.route_points]
+        assert math.dist(points[0], (x_m, y_m)) < 0.1, points[0]
+        assert math.dist(points[-1], (x_m, y_m + 2.0)) < 0.05, points[-1]
+        length_m = sum(itertools.starmap(math.dist, itertools.pairwise(points)))
+        assert not has_cost or abs(answer.cost - length_m) < 0.05, answer.cost
+        return length_m
+
     def _measure_gyro_radps(self) -> float:
         """The deviation of what is sampled a moment from now on."""
         inbox = self.heard[topics.IMU.name]
@@ -202,18 +226,17 @@ class ZenohUser:
         )
         assert answer.results[0].successful, answer.results[0].reason
 
-    def _call(self, name: str, ros_type: str, *fields: Any) -> Any:
+    def _call(self, name: str, ros_type: str, *fields: Any, types: Typestore | None = None) -> Any:
+        types = types or self._types
         request_type = f"{ros_type}_Request"
-        request = self._types.types[request_type](*fields)
-        key = wire.make_topic_key(
-            self._node.domain, name, ros_type, self._types.hash_rihs01(ros_type)
-        )
+        request = types.types[request_type](*fields)
+        key = wire.make_topic_key(self._node.domain, name, ros_type, types.hash_rihs01(ros_type))
         replies = self._node.session.get(
-            key, payload=bytes(self._types.serialize_cdr(request, request_type)),
+            key, payload=bytes(types.serialize_cdr(request, request_type)),
             attachment=wire.pack_attachment(1, 0, bytes(16)), timeout=PATIENCE_S,
         )  # fmt: skip
         (payload,) = (reply.ok.payload for reply in replies if reply.ok is not None)
-        return self._types.deserialize_cdr(payload.to_bytes(), f"{ros_type}_Response")
+        return types.deserialize_cdr(payload.to_bytes(), f"{ros_type}_Response")
 
 
 TRANSPORTS: dict[str, Callable[[], Transport]] = {"zenoh": ZenohUser, "dds": DdsUser}

@@ -19,12 +19,14 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
 from agribot.core.topics import Topic
 from agribot.drivers.schemes import SourceUri, read_sources, require_extras
-from agribot.ros.requests import Requests
+from agribot.ros.requests import PlanWay, Requests
 from agribot.ros.robot_link import RobotLink
 from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
+    from agribot.autonomy.plan.curves import Place
+    from agribot.core.messages import Estimate, Path
     from agribot.ros.sensor_noise import TunedSimulator
     from agribot.ros.tick_publisher import Gateway, TickPublisher
 
@@ -137,6 +139,7 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         report=print_line,
         link=link,
         frames=PeerFrames(session.config.field.datum),
+        plan_way=_make_way_planner(session),
     )
     session.add_tap(link)
     sources = read_sources(session.config.sources)
@@ -167,6 +170,15 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     finally:
         outlet.close()
         report_losses(outlet.dropped, outlet.fault)
+
+
+def _make_way_planner(session: Run) -> PlanWay:
+    """Plan with the task that the mission has when it is asked."""
+
+    def plan_way(here: Estimate, goal: Place) -> Path:
+        return session.stack.mission.task.plan_to(here, goal)
+
+    return plan_way
 
 
 def _open_noise_servers(options: argparse.Namespace, session: Run) -> list[Gateway]:

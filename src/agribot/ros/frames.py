@@ -10,9 +10,17 @@ from agribot.core.errors import BridgeError
 from agribot.core.geo import Datum, MapFrame, is_place, wrap_rad
 from agribot.core.pose import Pose2
 from agribot.core.topics import Topic
-from agribot.ros.messages.rosmsg import MAP_FRAME, ODOM_FRAME, load_types
+from agribot.ros.messages.rosmsg import (
+    MAP_FRAME,
+    ODOM_FRAME,
+    load_types,
+    make_message,
+    make_point,
+    make_pose,
+)
 
 EARTH_FRAME = "wgs84"  # frame with x the longitude and y the latitude in degrees, as in mapviz
+POSE = "geometry_msgs/msg/Pose"
 KNOWN = (MAP_FRAME, ODOM_FRAME, EARTH_FRAME)
 _LEAST_NORM = 1e-3  # least norm of a quaternion: less is one that was left out
 _NORM_TOLERANCE = 0.05
@@ -48,6 +56,22 @@ class PeerFrames:
         x_m, y_m, turn_rad = self._find_pose(frame, pose.position.x, pose.position.y)
         yaw_rad = read_yaw(pose.orientation)
         return x_m, y_m, None if yaw_rad is None else wrap_rad(yaw_rad + turn_rad)
+
+    def place_pose(self, frame: str, pose: Any) -> Any:
+        """Convert a geometry_msgs/Pose of the map to a frame that `find_pose` takes.
+
+        Raises: BridgeError: the frame is unknown.
+        """
+        x_m, y_m = pose.position.x, pose.position.y
+        name = frame.lstrip("/")
+        if name == EARTH_FRAME and self._earth is not None:
+            lat_deg, lon_deg, _ = self._earth.geodetic_from_map(x_m, y_m)
+            return make_message(POSE, make_point(lon_deg, lat_deg), pose.orientation)
+        if name == ODOM_FRAME:
+            map_from_odom = self._read_odom()
+            yaw_rad = (read_yaw(pose.orientation) or 0.0) - map_from_odom.yaw_rad
+            return make_pose(*map_from_odom.locate(x_m, y_m), yaw_rad)
+        return pose
 
     def _find_pose(self, frame: str, x: float, y: float) -> tuple[float, float, float]:
         """Convert to x, y and how far the frame is turned in the map."""

@@ -19,9 +19,8 @@ from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.pose_request import read_stated_pose, request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests
 
-_MIN_INTERVAL_S = (
-    0.05  # time between messages on one topic, and equal commands; faster ones are dropped
-)
+# Time between messages on one topic, and between equal commands; faster ones are dropped.
+_MIN_INTERVAL_S = 0.05
 _MOST_TEXT = 200  # characters of a command
 _COMMANDS: dict[str, AnyRequest] = {
     **{name.rpartition("/")[2]: request for name, request in SERVICES},

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from agribot.autonomy.plan.curves import Place
 from agribot.core.errors import BridgeError
 from agribot.core.messages import (
     AddNote,
@@ -22,9 +23,11 @@ from agribot.core.messages import (
     ClearStop,
     ControlMission,
     ControlRecording,
+    Estimate,
     Inbox,
     LiveSetting,
     MarkMoment,
+    Path,
     PressStop,
     RequestWord,
     Who,
@@ -41,6 +44,7 @@ _MOVING: frozenset[RequestWord] = frozenset(
     {"resume", "clear_stop", "start", "skip_row", "return_home", "goto", "visit", "set"}
 )
 
+PlanWay = Callable[[Estimate, Place], Path]  # raises MissionError
 Twist = tuple[float, float, float, float, float, float]  # linear x y z, angular x y z
 
 SERVICES: tuple[tuple[str, AnyRequest], ...] = (
@@ -64,7 +68,8 @@ class Requests:
     """Posts requests from any thread.
 
     `report` is called with each refusal and its reason, at most every few seconds for each. With a
-    `link`, which must be a tap of the run, peers get the mission's own answers.
+    `link`, which must be a tap of the run, peers get the mission's own answers, and with `plan_way`
+    routes.
     """
 
     def __init__(
@@ -76,9 +81,10 @@ class Requests:
         now_s: Callable[[], float] = time.monotonic,
         link: RobotLink | None = None,
         frames: PeerFrames | None = None,
+        plan_way: PlanWay | None = None,
     ) -> None:
         self.allow_drive, self.link = allow_drive, link
-        self.frames = frames
+        self.frames, self.plan_way = frames, plan_way
         self._inbox, self._report, self._now_s = inbox, report, now_s
         self._lock = threading.Lock()
         self._next_twist_s = -math.inf

@@ -10,7 +10,9 @@ from agribot.core.messages import AnyRequest, ControlMission
 from agribot.ros.pose_request import request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, SET_POSE_SERVICE, Requests
 from agribot.ros.ros1.node import Node
+from agribot.ros.ros1.route_types import PLAN_ROUTE, pack_response, read_request
 from agribot.ros.ros1.service_server import SET_BOOL, TRIGGER, Answer, Ros1ServiceServer
+from agribot.ros.route_plans import PLAN_SERVICE, RoutePlanner
 
 POSE_PARAMETER = "/agribot/initial_pose"
 _EXAMPLE = "rosparam set /agribot/initial_pose '{x: 1.0, y: 2.0, yaw: 1.57}'"
@@ -27,6 +29,7 @@ def serve_robot(node: Node, requests: Requests) -> Ros1ServiceServer:
             server.serve(name, TRIGGER, _make_trigger(requests, request))
         server.serve(PAUSE_SERVICE, SET_BOOL, _make_pause(requests))
         server.serve(SET_POSE_SERVICE, TRIGGER, _make_set_pose(node, requests))
+        server.serve(PLAN_SERVICE, PLAN_ROUTE, _make_plan(RoutePlanner(requests)))
     except BridgeError:
         server.close()
         raise
@@ -66,6 +69,20 @@ def _make_set_pose(node: Node, requests: Requests) -> Answer:
         except BridgeError as error:
             return _pack_outcome(False, str(error))
         return _pack_outcome(*request_pose(requests, pose, (0.0, 0.0), source))
+
+    return answer
+
+
+def _make_plan(planner: RoutePlanner) -> Answer:
+    def answer(request: bytes, source: str) -> bytes:
+        wanted = read_request(request)
+        plan = planner.plan(
+            wanted.header.frame_id,
+            wanted.waypoints,
+            source,
+            from_robot=wanted.plan_from_vehicle,
+        )
+        return pack_response(wanted.header, plan)
 
     return answer
 

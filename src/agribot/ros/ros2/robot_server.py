@@ -17,8 +17,10 @@ from agribot.ros.requests import PAUSE_SERVICE, SERVICES, SET_POSE_SERVICE, Requ
 from agribot.ros.ros2.goals import THROUGH_POSES, TO_POSE, GoalServer
 from agribot.ros.ros2.node import Ros2Node
 from agribot.ros.ros2.parameters import ParameterServer, Value
+from agribot.ros.ros2.route_types import PLAN_ROUTE, load_route_types, make_response
 from agribot.ros.ros2.service_server import Answer, Reply, ServiceServer
 from agribot.ros.ros2.services import load_service_types
+from agribot.ros.route_plans import PLAN_SERVICE, RoutePlanner
 from agribot.ros.send_queue import SendQueue
 
 _SOURCE = "ROS 2"
@@ -34,7 +36,7 @@ class Ros2RobotServer:
     def __init__(
         self, node: Ros2Node, name: str, requests: Requests, settings: Mapping[str, Value]
     ) -> None:
-        self._requests = requests
+        self._requests, self._planner = requests, RoutePlanner(requests)
         self._pose = dict.fromkeys(POSE_PARAMETERS, math.nan)  # NaN is not set yet
         self._replies: SendQueue[Callable[[], None]] = SendQueue(lambda send: send(), _MOST_REPLIES)
         self._serve_actions(ServiceServer(node, requests.refuse))
@@ -59,6 +61,9 @@ class Ros2RobotServer:
         none = (False, "these bytes are no SetBool request")
         server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._on_pause, none)
         server.serve(types, SET_POSE_SERVICE, "std_srvs/srv/Trigger", self._on_set_pose)
+        for has_cost in (True, False):
+            types = load_route_types(has_cost=has_cost)
+            server.serve(types, PLAN_SERVICE, PLAN_ROUTE, self._make_plan(has_cost=has_cost))
 
     def _serve_parameters(
         self, server: ServiceServer, name: str, settings: Mapping[str, Value]
@@ -93,6 +98,18 @@ class Ros2RobotServer:
             reply(False, f"set the parameters {', '.join(POSE_PARAMETERS)} first")
             return
         reply(*request_pose(self._requests, (x_m, y_m, yaw_rad), (0.0, 0.0), _SOURCE))
+
+    def _make_plan(self, *, has_cost: bool) -> Answer:
+        def answer(request: Any, reply: Reply) -> None:
+            plan = self._planner.plan(
+                request.header.frame_id,
+                request.waypoints,
+                _SOURCE,
+                from_robot=request.plan_from_vehicle,
+            )
+            reply(*make_response(request.header, plan, has_cost=has_cost))
+
+        return lambda request, reply: self._replies.put(lambda: answer(request, reply))
 
     def _make_listener(self, topic: Topic) -> Callable[[bytes], None]:
         def on_message(data: bytes) -> None:

@@ -74,7 +74,7 @@ def load_service_types(navigate_result: str = NAVIGATE_RESULTS[0]) -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
     replace_char(store)
     for name, (request, response) in _SERVICES.items():
-        _add_service(store, name, request, response)
+        add_service(store, name, request, response)
     add_action(store, NAVIGATE, ActionText(_NAVIGATE_GOAL, navigate_result, _NAVIGATE_FEEDBACK))
     to_pose = ActionText(_TO_POSE_GOAL, navigate_result, _TO_POSE_FEEDBACK)
     add_action(store, NAVIGATE_TO_POSE, to_pose)
@@ -90,8 +90,8 @@ def add_action(store: Typestore, name: str, text: ActionText) -> None:
     )
     send, get = f"{name}_SendGoal", f"{name}_GetResult"
     stamp = "bool accepted\nbuiltin_interfaces/Time stamp\n"
-    _add_service(store, send, _UUID, stamp, request_too=goal)
-    _add_service(store, get, _UUID, "int8 status\n", response_too=result)
+    add_service(store, send, _UUID, stamp, request_too=goal)
+    add_service(store, get, _UUID, "int8 status\n", response_too=result)
     store.register({f"{name}_FeedbackMessage": _add_field(_parse_fields(_UUID), feedback)})
     parts: list[tuple[str, Any]] = [
         goal,
@@ -104,7 +104,7 @@ def add_action(store: Typestore, name: str, text: ActionText) -> None:
     store.fielddefs[name] = ([], parts)
 
 
-def _add_service(
+def add_service(
     store: Typestore,
     name: str,
     request: str,
