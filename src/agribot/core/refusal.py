@@ -7,7 +7,7 @@ from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, Said
 
 
-class Refusal(MissionError):
+class MissionRefusal(MissionError):
     """Why there is no such way; its text is that of the fact."""
 
     def __init__(self, fact: AnyFact) -> None:
@@ -17,4 +17,4 @@ class Refusal(MissionError):
 
 def find_fact(error: MissionError) -> AnyFact:
     """Return what an error was raised for; of another than a refusal, its words."""
-    return error.fact if isinstance(error, Refusal) else Said(str(error))
+    return error.fact if isinstance(error, MissionRefusal) else Said(str(error))

@@ -108,7 +108,7 @@ from agribot.core.messages import (
     TakePlan,
     Visit,
 )
-from agribot.core.refusal import Refusal, find_fact
+from agribot.core.refusal import MissionRefusal, find_fact
 
 SETTLE_S = 1.0  # time for which the estimate must hold before the robot moves
 END_TOLERANCE_M = 0.01
@@ -778,7 +778,7 @@ class Mission:
 def _read_places(visit: Visit) -> tuple[MapPoint, ...]:
     """Return the places of a visit. Raises: MissionError: it names none."""
     if not visit.places_map_m:
-        raise Refusal(NoPlaces())
+        raise MissionRefusal(NoPlaces())
     return visit.places_map_m
 
 

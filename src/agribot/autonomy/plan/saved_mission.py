@@ -14,7 +14,7 @@ from agribot.autonomy.plan.row_log import RowResult
 from agribot.core.errors import MissionError
 from agribot.core.facts import AnyFact, CarriedAway, Said
 from agribot.core.messages import Estimate, MissionState, Path
-from agribot.core.refusal import Refusal
+from agribot.core.refusal import MissionRefusal
 
 PoseTuple = tuple[float, float, float]
 LENGTH_TOLERANCE_M = 0.01
@@ -121,4 +121,4 @@ def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit
     away_m = math.dist((estimate.x_map_m, estimate.y_map_m), place)
     allowed_m = limit_m + 2.0 * estimate.pos_std_m
     if not away_m <= allowed_m:
-        raise Refusal(CarriedAway(away_m, *place, allowed_m))
+        raise MissionRefusal(CarriedAway(away_m, *place, allowed_m))

@@ -25,7 +25,7 @@ from agribot.core.facts import ThereAlready
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
-from agribot.core.refusal import Refusal
+from agribot.core.refusal import MissionRefusal
 
 STRETCH_M = 0.05  # largest deviation of the straight stretches that replace a bent working leg
 MAX_LENGTH_M = 100_000.0  # 5 million places of the path, as much memory as a small computer has
@@ -124,7 +124,7 @@ class FieldWork:
 
     def _check(self, legs: list[Leg], start: MapPoint) -> Path:
         if not legs:
-            raise Refusal(ThereAlready())
+            raise MissionRefusal(ThereAlready())
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
         if problems:
             raise MissionError(f"the way there is refused: {problems[0].message}")
