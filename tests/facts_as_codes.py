@@ -20,7 +20,7 @@ def pytest_configure(config: pytest.Config) -> None:
             )
             for kind in KINDS
         },
-        {"list": {"and": "and"}, "wheel": {}},
+        {"list": {"and": "and"}, "wheel": {}, "number": {"point": "."}},
     )
     read = fact_text.load_table
 

@@ -261,6 +261,7 @@ def _mission(status: MissionStatus) -> wire.MissionProgress:
         waypoints_reached=status.waypoints_reached,
         leg=status.leg,
         refusal=status.refusal,
+        refusal_fact=status.refusal_fact or UNSET,
     )
 
 

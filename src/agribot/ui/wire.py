@@ -180,6 +180,7 @@ class MissionProgress(msgspec.Struct, frozen=True, kw_only=True):
     waypoints_reached: int = 0
     leg: str = ""
     refusal: str = ""
+    refusal_fact: AnyFact | UnsetType = UNSET
 
 
 class CalibrationProgress(msgspec.Struct, frozen=True, kw_only=True):

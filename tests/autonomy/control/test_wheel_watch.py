@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import get_args
 
 import pytest
 
 from agribot.autonomy.control.wheel_watch import WheelWatch
-from agribot.core.fact_text import render
+from agribot.core.facts import (
+    Fact,
+    HeldInTurn,
+    ImuFrozen,
+    Motion,
+    MotorDead,
+    TurnsDisagree,
+    Wheel,
+    WheelsSwapped,
+    WheelsWrong,
+    find_kind,
+)
 from agribot.core.messages import STOP, DriveCommand, Four, ImuSample, SensorBatch, WheelSample
 from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
 
@@ -16,6 +28,7 @@ DELAY_S = 0.3
 AHEAD = DriveCommand(v_mps=0.4)
 TURN = DriveCommand(v_mps=0.3, yaw_rate_radps=0.5)
 Wheels = Callable[[Four], Four]
+ALL: tuple[Wheel, ...] = get_args(Wheel)
 at_rates = pytest.mark.parametrize("rate_hz", [50, 25, 10])
 
 
@@ -42,12 +55,14 @@ class Bench:
         self.is_held = False  # as a receiver shows
         self.is_stop_pressed = False  # in the next tick
         self.effort_nm: Four | None = None
-        self.runaway = ""
+        self.runaway: Fact | None = None
         self.t_s = 0.0
         self._angles = [0.0] * 4
         self._sent = STOP
 
-    def drive(self, command: DriveCommand, seconds: float) -> tuple[float, str, str]:
+    def drive(
+        self, command: DriveCommand, seconds: float
+    ) -> tuple[float, Fact | None, Fact | None]:
         """Until something is found: after how long, of the wheels, and what else is in doubt."""
         for tick in range(1, round(seconds / TICK_S) + 1):
             self.t_s += TICK_S
@@ -60,11 +75,11 @@ class Bench:
                 is_held=self.is_held, is_stop_pressed=self.is_stop_pressed,
             )  # fmt: skip
             self.is_stop_pressed = False
-            self._sent, self.runaway = command, render(found.runaway)
+            self._sent, self.runaway = command, found.runaway
             if any(found):
                 doubt = found.dead_motor or found.frozen_imu or found.wrong_turn or found.held
-                return tick * TICK_S, render(found.wheels), render(doubt)
-        return seconds, "", ""
+                return tick * TICK_S, found.wheels, doubt
+        return seconds, None, None
 
     def _batch(self) -> SensorBatch:
         a, b, c, d = self._angles
@@ -93,38 +108,45 @@ def every(ratio: float) -> Wheels:
 
 @at_rates
 @pytest.mark.parametrize(
-    ("wheels", "words"),
+    ("wheels", "named", "motion", "speed_radps"),
     [
-        (one(3, 0.0), "left front wheel does not turn: 0.0 rad/s instead of 3.1"),
-        (one(0, 0.2), "right rear wheel turns too slowly: 0.6 rad/s"),
-        (one(1, 2.5), "left rear wheel turns too fast: 7.7 rad/s"),
-        (one(2, -1.0), "right front wheel turns backwards: -3.1 rad/s"),
-        (every(0.0), "wheels do not turn"),
-        (every(2.5), "wheels turn too fast"),
-        (every(-1.0), "wheels turn backwards"),
-        (lambda told: (told[0], 0.0, told[2], 0.0), "left wheels do not turn"),
+        (one(3, 0.0), ("left_wheel_F",), "stand", 0.0),
+        (one(0, 0.2), ("right_wheel_R",), "slow", 0.6),
+        (one(1, 2.5), ("left_wheel_R",), "fast", 7.7),
+        (one(2, -1.0), ("right_wheel_F",), "backwards", -3.1),
+        (every(0.0), ALL, "stand", 0.0),
+        (every(2.5), ALL, "fast", 7.7),
+        (every(-1.0), ALL, "backwards", -3.1),
+        (lambda told: (told[0], 0.0, told[2], 0.0), ("left_wheel_R", "left_wheel_F"), "stand", 0.0),
     ],
 )  # fmt: skip
 def test_a_wheel_that_does_not_as_told_is_named_within_a_second(
-    wheels: Wheels, words: str, rate_hz: float
+    wheels: Wheels,
+    named: tuple[Wheel, ...],
+    motion: Motion,
+    speed_radps: float,
+    rate_hz: float,
 ) -> None:
     bench = Bench(rate_hz=rate_hz)
-    assert bench.drive(AHEAD, 2.0)[1:] == ("", "")
+    assert bench.drive(AHEAD, 2.0)[1:] == (None, None)
     bench.wheels = wheels
     after_s, found, _ = bench.drive(AHEAD, 2.0)
-    assert words in found
+    assert isinstance(found, WheelsWrong)
+    assert (found.wheels, found.motion) == (named, motion)
+    assert found.speed_radps == pytest.approx(speed_radps, abs=0.1)
+    assert found.wanted_radps == pytest.approx(3.1, abs=0.1)
     assert after_s < 0.7
     after_s, found, _ = Bench(wheels, rate_hz).drive(AHEAD, 2.0)
-    assert words.split(":", maxsplit=1)[0] in found, "from the start on"
+    assert find_kind(found) == WheelsWrong(named, motion, 0.0, 0.0).kind, "from the start on"
     assert after_s <= 1.0
 
 
 @at_rates
 def test_left_and_right_that_are_swapped_are_told_in_a_turn(rate_hz: float) -> None:
     bench = Bench(lambda told: (told[1], told[0], told[1], told[0]), rate_hz)
-    assert bench.drive(AHEAD, 2.0)[1] == ""
+    assert bench.drive(AHEAD, 2.0)[1] is None
     after_s, found, _ = bench.drive(TURN, 2.0)
-    assert "turns the other way than commanded" in found
+    assert found == WheelsSwapped()
     assert after_s <= 1.0
 
 
@@ -133,7 +155,9 @@ def test_a_wheel_that_turns_though_it_should_stand_is_told() -> None:
     bench.drive(AHEAD, 1.0)
     bench.wheels = lambda told: (told[0], 4.0, told[2], told[3])
     _, found, _ = bench.drive(STOP, 2.0)
-    assert "left rear wheel turns too fast: 4.0 rad/s instead of 0.0" in found
+    assert isinstance(found, WheelsWrong)
+    assert (found.wheels, found.motion, found.wanted_radps) == (("left_wheel_R",), "fast", 0.0)
+    assert found.speed_radps == pytest.approx(4.0, abs=0.05)
     assert bench.runaway == found
 
 
@@ -145,18 +169,19 @@ def test_wheels_run_away_that_never_came_to_stand_but_not_those_that_people_push
     bench.drive(AHEAD, 1.0)
     bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
     bench.drive(STOP, 2.0)
-    assert "wheels turn too fast: 4.0 rad/s instead of 0.0" in bench.runaway
+    assert isinstance(bench.runaway, WheelsWrong)
+    assert (bench.runaway.wheels, bench.runaway.motion) == (ALL, "fast")
     for _ in range(100):
         bench.drive(STOP, TICK_S)
         assert bench.runaway, "in every tick, however seldom the encoders speak"
     bench.wheels = every(1.0)
     for _ in range(50):
         bench.drive(STOP, TICK_S)
-    assert bench.runaway == ""
+    assert bench.runaway is None
     bench.wheels = turning(PUSH_RADPS)
     for _ in range(100):
         bench.drive(STOP, TICK_S)
-        assert bench.runaway == ""
+        assert bench.runaway is None
 
 
 def wait_for_runaway(bench: Bench, seconds: float = 1.0) -> float | None:
@@ -191,7 +216,7 @@ def test_wheels_that_stood_are_driven_where_they_turn_as_no_push_turns_them(
     after_s = wait_for_runaway(bench)
     assert after_s is not None
     assert after_s <= within_s
-    assert "turn" in bench.runaway
+    assert isinstance(bench.runaway, WheelsWrong) and bench.runaway.motion != "stand"
 
 
 @at_rates
@@ -246,7 +271,7 @@ def test_a_stop_pressed_while_wheels_turn_counts_even_a_push_as_driven(rate_hz: 
     assert bench.runaway, "until it is seen to stand"
     for _ in range(50):
         bench.drive(STOP, TICK_S)
-    assert bench.runaway == ""
+    assert bench.runaway is None
     bench.wheels = turning(PUSH_RADPS)
     assert wait_for_runaway(bench) is None, "it stood since"
 
@@ -274,16 +299,16 @@ def test_a_slow_board_with_a_wrong_scale_that_does_as_told_is_no_fault(
 
     bench = Bench(slow, rate_hz)
     for command in (AHEAD, TURN, STOP, DriveCommand(v_mps=-0.4), TURN, AHEAD, STOP):
-        assert bench.drive(command, 1.5)[1:] == ("", "")
+        assert bench.drive(command, 1.5)[1:] == (None, None)
 
 
 @at_rates
 def test_a_clod_that_holds_a_wheel_for_a_moment_is_no_fault(rate_hz: float) -> None:
     bench = Bench(rate_hz=rate_hz)
     for _ in range(10):
-        assert bench.drive(AHEAD, 1.0)[1] == ""
+        assert bench.drive(AHEAD, 1.0)[1] is None
         bench.wheels = one(2, 0.1)
-        assert bench.drive(AHEAD, 0.3)[1] == ""
+        assert bench.drive(AHEAD, 0.3)[1] is None
         bench.wheels = every(1.0)
 
 
@@ -291,17 +316,15 @@ def test_a_clod_that_holds_a_wheel_for_a_moment_is_no_fault(rate_hz: float) -> N
 def test_a_motor_without_torque_is_named_though_its_wheel_rolls_along(rate_hz: float) -> None:
     bench = Bench(rate_hz=rate_hz)
     bench.effort_nm = (0.3, 0.2, 0.3, 0.1)
-    assert bench.drive(AHEAD, 3.0)[2] == ""
+    assert bench.drive(AHEAD, 3.0)[2] is None
     bench.effort_nm = (0.3, 0.2, 0.3, 0.0)
     after_s, wheels, doubt = bench.drive(AHEAD, 2.0)
-    assert (wheels, doubt.split(";")[0]) == (
-        "", "left front motor gives no torque while the others work",
-    )  # fmt: skip
+    assert (wheels, doubt) == (None, MotorDead("left_wheel_F"))
     assert after_s < 0.7
     for effort_nm in ((0.0,) * 4, (0.01, 0.0, 0.01, 0.0), None):  # no effort; not reported
         bench = Bench(rate_hz=rate_hz)
         bench.effort_nm = effort_nm
-        assert bench.drive(AHEAD, 3.0)[2] == ""
+        assert bench.drive(AHEAD, 3.0)[2] is None
 
 
 @at_rates
@@ -312,8 +335,8 @@ def test_a_gyro_that_contradicts_the_wheels_is_told(
     bench = Bench(rate_hz=rate_hz)
     bench.gyro_off_radps = off_radps
     after_s, wheels, doubt = bench.drive(AHEAD, 2.0)
-    assert wheels == ""
-    assert ("the gyro says" in doubt) is is_told
+    assert wheels is None
+    assert isinstance(doubt, TurnsDisagree) is is_told
     assert not is_told or after_s <= 1.0
 
 
@@ -324,20 +347,19 @@ def test_a_robot_that_skids_is_no_fault_of_the_gyro(gain: float, rate_hz: float)
     turn = DriveCommand(yaw_rate_radps=1.0)
     bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
     bench.drive(turn, 0.1)
-    assert bench.drive(turn, 3.0)[2] == ""
+    assert bench.drive(turn, 3.0)[2] is None
 
 
-@pytest.mark.parametrize(("gain", "words"), [(0.05, "stuck or slipping in a turn"),
-                                             (-1.0, "the gyro says -1.00 rad/s")])  # fmt: skip
+@pytest.mark.parametrize(("gain", "found"), [(0.05, HeldInTurn), (-1.0, TurnsDisagree)])
 def test_a_robot_that_does_not_turn_is_stuck_and_one_that_turns_backwards_has_a_wrong_gyro(
-    gain: float, words: str
+    gain: float, found: type[Fact]
 ) -> None:
     bench = Bench()
     bench.is_held = True
     turn = DriveCommand(yaw_rate_radps=1.0)
     bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
     bench.drive(turn, 0.1)
-    assert bench.drive(turn, 4.0)[2].startswith(words)
+    assert isinstance(bench.drive(turn, 4.0)[2], found)
 
 
 @at_rates
@@ -351,10 +373,10 @@ def test_a_clod_that_holds_a_wheel_in_a_turn_is_climbed_and_no_fault(
     turn = DriveCommand(v_mps=0.2, yaw_rate_radps=0.5)
     for _ in range(5):
         bench.gyro_off_radps = 0.0
-        assert bench.drive(turn, 2.0)[1:] == ("", "")
+        assert bench.drive(turn, 2.0)[1:] == (None, None)
         bench.gyro_off_radps = swing_radps - turn.yaw_rate_radps
-        assert bench.drive(turn, 2.0)[1:] == ("", "")
-    assert "stuck or slipping in a turn" in bench.drive(turn, 2.0)[2], "where it lasts, it is"
+        assert bench.drive(turn, 2.0)[1:] == (None, None)
+    assert isinstance(bench.drive(turn, 2.0)[2], HeldInTurn), "where it lasts, it is"
 
 
 @at_rates
@@ -368,16 +390,16 @@ def test_a_gyro_that_tells_of_no_turn_while_the_robot_drives_on_is_told_within_a
     bench.drive(turn, 1.0)
     bench.gyro_off_radps = -turn_radps
     after_s, _, doubt = bench.drive(turn, 3.0)
-    assert "check the gyro" in doubt
+    assert isinstance(doubt, TurnsDisagree)
     assert after_s <= 1.0
 
 
 def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:
     bench = Bench()
     bench.is_imu_frozen = True
-    assert bench.drive(STOP, 5.0)[2] == "", "at rest an IMU without noise may well do so"
+    assert bench.drive(STOP, 5.0)[2] is None, "at rest an IMU without noise may well do so"
     after_s, _, doubt = bench.drive(AHEAD, 2.0)
-    assert "IMU repeats the same numbers" in doubt
+    assert isinstance(doubt, ImuFrozen)
     assert after_s <= 1.0
 
 
@@ -386,7 +408,7 @@ def test_an_encoder_that_counts_anew_is_no_fault(rate_hz: float) -> None:
     bench = Bench(rate_hz=rate_hz)
     bench.drive(AHEAD, 1.0)
     bench._angles = [1000.0, -1000.0, 0.0, 0.0]
-    assert bench.drive(AHEAD, 2.0)[1] == ""
+    assert bench.drive(AHEAD, 2.0)[1] is None
 
 
 def test_samples_that_were_missing_for_long_are_no_evidence() -> None:
@@ -395,9 +417,9 @@ def test_samples_that_were_missing_for_long_are_no_evidence() -> None:
     bench.drive(AHEAD, 1.0)
     for _ in range(5):
         bench._ticks_between = 10**6
-        assert bench.drive(AHEAD, 0.6)[1] == ""
+        assert bench.drive(AHEAD, 0.6)[1] is None
         bench._ticks_between = 1
         bench.wheels = one(2, 0.0)
-        assert bench.drive(AHEAD, 0.1)[1] == ""
+        assert bench.drive(AHEAD, 0.1)[1] is None
         bench.wheels = every(1.0)
-        assert bench.drive(AHEAD, 0.5)[1] == ""
+        assert bench.drive(AHEAD, 0.5)[1] is None

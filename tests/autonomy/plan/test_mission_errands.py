@@ -18,6 +18,24 @@ from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    AtGoal,
+    BeyondFence,
+    CancelledBy,
+    ErrandRefused,
+    Fact,
+    GoalNotFinite,
+    NewTask,
+    NoWayOffCrop,
+    OnCropThere,
+    ReturnedHome,
+    RobotDrives,
+    Said,
+    StopHolds,
+    StopsForGoal,
+    StopsToReturn,
+    TaskRefused,
+)
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
     ChangeSetting,
@@ -107,7 +125,7 @@ def test_it_drives_to_a_place_around_the_crop_and_waits_there() -> None:
     assert math.cos(goal.path.yaw_map_rad[-1] - NORTH) == pytest.approx(1.0, abs=1e-6)
     last = drive.to_the_end()
     assert last.status.state == "paused"
-    assert "at the goal of Ada" in last.status.reason
+    assert last.status.fact == AtGoal("Ada")
     assert last.max_speed_mps == 0.0
 
 
@@ -135,28 +153,29 @@ def test_it_plans_only_once_it_stands() -> None:
     where = drive.into_row(0)
     rolling = drive.goto(where, *HEADLAND, v_mps=0.4)
     assert (rolling.status.state, rolling.max_speed_mps) == ("paused", 0.0)
-    assert "stops for a goal of Ada" in rolling.status.reason
+    assert rolling.status.fact == StopsForGoal("Ada")
     assert drive.be_at(*where).status.leg == "to the goal"
 
 
 @pytest.mark.parametrize(
     ("numbers", "why"),
     [
-        ((40.0, 0.0), "beyond the fence"),
-        ((1.75, 4.0, 0.0), "would stand on crop"),
-        ((2.0, 4.0, 0.0), "keeps off the crop rows"),
-        ((math.nan, 4.0), "finite"),
+        ((40.0, 0.0), BeyondFence),
+        ((1.75, 4.0, 0.0), OnCropThere),
+        ((2.0, 4.0, 0.0), NoWayOffCrop),
+        ((math.nan, 4.0), GoalNotFinite),
     ],
 )
 def test_a_place_that_cannot_be_driven_to_is_refused_with_the_reason(
-    numbers: tuple[float, ...], why: str
+    numbers: tuple[float, ...], why: type[Fact]
 ) -> None:
     drive = Drive()
     where = drive.into_row(0)
     before = drive.mission.path
     status = drive.goto(where, *numbers).status
-    assert status.refusal.startswith("goal refused: ")
-    assert why in status.refusal
+    refusal = status.refusal_fact
+    assert isinstance(refusal, ErrandRefused) and refusal.errand == "goal"
+    assert isinstance(refusal.cause, why)
     assert drive.mission.path is before
     drive.be_at(*where, "pause")
     assert drive.be_at(*where, "resume").status.state == "running", "the mission goes on"
@@ -175,9 +194,10 @@ def test_a_stop_wins_over_a_goal_and_a_hand_pauses_the_way_there() -> None:
     where = drive.into_row(0)
     drive.be_at(*where, "stop")
     refused = drive.goto(where, *HEADLAND).status
-    assert (refused.state, "clear the stop first" in refused.refusal) == ("paused", True)
+    assert refused.state == "paused"
+    assert refused.refusal_fact == ErrandRefused("goal", StopHolds())
     drive.be_at(*where, "clear_stop")
-    assert drive.goto(where, *HEADLAND).status.refusal == ""
+    assert drive.goto(where, *HEADLAND).status.refusal_fact is None
     drive.be_at(*drive.place(0.0), "pause")
     assert drive.be_at(*drive.place(0.0)).max_speed_mps == 0.0
     assert drive.be_at(*drive.place(0.0), "resume").status.leg == "to the goal"
@@ -200,12 +220,12 @@ def test_the_way_home_is_planned_from_where_the_robot_comes_to_rest() -> None:
     home = ask(ControlMission(action="return_home"), "Ada")
     stopping = drive.ask(*where, home, v_mps=0.4)
     assert (stopping.max_speed_mps, stopping.status.leg) == (0.0, "stops first")
-    assert "Ada" in stopping.status.reason
+    assert stopping.status.fact == StopsToReturn("Ada")
     again = drive.be_at(*where, "return_home")
     assert (again.status.state, again.status.leg) == ("running", "way home")
     assert again.path is not None
     end = drive.along(0.0, float(again.path.s_m[-1]) + 0.02)[-1].status
-    assert (end.state, end.reason) == ("cancelled", "returned home, called by Ada")
+    assert (end.state, end.fact) == ("cancelled", ReturnedHome("Ada"))
 
 
 def test_a_mission_that_has_ended_and_stays_open_comes_home_as_it_ended() -> None:
@@ -218,7 +238,7 @@ def test_a_mission_that_has_ended_and_stays_open_comes_home_as_it_ended() -> Non
     assert home.status.leg == "way home"
     assert home.path is not None
     ended = drive.along(0.0, float(home.path.s_m[-1]) + 0.02)[-1].status
-    assert (ended.state, ended.reason) == ("cancelled", "cancelled by operator")
+    assert (ended.state, ended.fact) == ("cancelled", CancelledBy("operator"))
 
 
 def test_a_mission_that_has_ended_drives_to_places_only_where_it_stays_open() -> None:
@@ -247,10 +267,11 @@ def test_another_plan_is_taken_by_a_standing_robot_and_begins_when_resumed() -> 
     drive = Drive()
     where = drive.into_row(0)
     plan = ask(TakePlan(geojson="1"), "Ada")
-    assert "pause its mission first" in drive.ask(*where, plan, v_mps=0.4).status.refusal
+    refusal = drive.ask(*where, plan, v_mps=0.4).status.refusal_fact
+    assert refusal == TaskRefused("plan", RobotDrives())
     taken = drive.ask(*where, plan).status
     assert (taken.state, taken.rows_total, taken.rows_done) == ("paused", 1, ())
-    assert "new plan from Ada" in taken.reason
+    assert taken.fact == NewTask("plan", "Ada")
     drive.start = (-2.0, 0.0)
     drive.be_at(*drive.start, "resume")
     assert drive.settle().status.state == "running"
@@ -266,5 +287,5 @@ def test_a_plan_that_cannot_be_read_leaves_the_mission_as_it_is() -> None:
     goal = ride.settle()
     event = ask(TakePlan(geojson="x"))
     after = ride.mission.step(at(-2.0, 0.0, ride.t_s + 0.02), [event])
-    assert after.status.refusal == "plan refused: not a plan"
+    assert after.status.refusal_fact == TaskRefused("plan", Said("not a plan"))
     assert after.path is goal.path

@@ -15,6 +15,7 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission
 from agribot.core.config import FieldConfig
+from agribot.core.facts import AllRowsWorked, CarriedAway, NotResumed, ReturnedHome, RowsSkipped
 from agribot.core.messages import Estimate, FloatArray, Goal, Path
 from agribot.core.row_shape import project_on_row
 from tests.autonomy.plan.paper_task import PaperTask
@@ -79,7 +80,8 @@ def test_a_robot_that_was_carried_away_does_not_go_on_and_says_how_far() -> None
     again.start = (saved.pose[0] + 3.0, saved.pose[1] + 4.0)
     status = again.settle().status
     assert status.state == "failed"
-    assert "carried away: it is 5.00 m from" in status.reason
+    assert isinstance(status.fact, CarriedAway)
+    assert status.fact.away_m == pytest.approx(5.0)
 
 
 def test_another_task_is_not_taken_for_the_saved_one() -> None:
@@ -103,7 +105,9 @@ def test_moved_while_paused_it_stays_paused_until_it_is_back() -> None:
     one.be_at(x_m, y_m, "pause")
     refused = one.be_at(x_m + 1.2, y_m, "resume").status
     assert refused.state == "paused"
-    assert "not resumed: the robot was carried away: it is 1.2" in refused.reason
+    assert isinstance(refused.fact, NotResumed)
+    assert isinstance(refused.fact.cause, CarriedAway)
+    assert refused.fact.cause.away_m == pytest.approx(1.2, abs=0.01)
     assert one.be_at(x_m, y_m, "resume").status.state == "running"
 
 
@@ -120,7 +124,7 @@ def test_a_skipped_row_is_passed_with_the_tool_off_and_not_counted_as_done() -> 
     assert any(goal.tool_on for goal in later if goal.status.row == 2)
     assert later[-1].status.state == "done"
     assert later[-1].status.rows_done == (0, 2)
-    assert "rows [1] were skipped" in later[-1].status.reason
+    assert later[-1].status.fact == RowsSkipped((1,))
 
 
 def test_between_rows_the_next_one_is_skipped() -> None:
@@ -149,7 +153,7 @@ def test_it_returns_home_around_the_crop_with_the_tool_off() -> None:
     way = one.along(0.0, float(goal.path.s_m[-1]) + 0.02)
     assert not any(goal.tool_on for goal in way)
     assert way[-1].status.state == "cancelled"
-    assert "returned home" in way[-1].status.reason
+    assert way[-1].status.fact == ReturnedHome("operator")
     saved = one.mission.snapshot()
     assert saved is not None and saved.s_m == pytest.approx(s_m, abs=0.05)
 
@@ -258,10 +262,7 @@ def test_rows_that_were_all_worked_are_not_worked_again_under_another_plan() -> 
     again = Ride(Mission(PaperTask(from_the_far_side, ROWS, rest=rest), MISSION, saved))
     again.start = saved.pose[:2]
     status = again.settle().status
-    assert (status.state, status.reason) == (
-        "failed",
-        "every row was worked or skipped before; nothing is left to resume",
-    )
+    assert (status.state, status.fact) == ("failed", AllRowsWorked())
 
 
 @pytest.mark.parametrize("has_rest", [True, False])
@@ -280,7 +281,7 @@ def test_rows_that_were_skipped_stay_so_under_another_plan(has_rest: bool) -> No
     assert path is not None
     goals = again.along(0.0, float(path.s_m[-1]) + 0.02)
     assert goals[-1].status.rows_done == (0, 2)
-    assert "rows [1] were skipped" in goals[-1].status.reason
+    assert goals[-1].status.fact == RowsSkipped((1,))
     assert [len(along) > 0 for along in along_rows_m(worked(goals, again))] == [False, False, True]
 
 

@@ -8,7 +8,15 @@ import pytest
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.fact_text import render
-from agribot.core.facts import CameraAndGnssDisagree, Said
+from agribot.core.facts import (
+    CameraAndGnssDisagree,
+    CutOff,
+    PausedBy,
+    ResumeAwaited,
+    Said,
+    StoppedBy,
+    StopToResume,
+)
 from agribot.core.latch import Latch
 from agribot.core.messages import Goal
 from tests.autonomy.plan.paper_task import PaperTask
@@ -55,10 +63,10 @@ def test_a_stop_holds_the_run_that_goes_on_until_it_is_cleared_and_resumed(
     again = resumed(saved)
     status = stand(again).status
     assert status.state == "paused"
-    assert status.stopped == "stopped by operator"
-    assert "clear the stop" in status.reason
-    assert stand(again, "resume").status.stopped, "a resume alone is not enough"
-    assert stand(again, "clear_stop").status.stopped == ""
+    assert status.stopped_fact == StoppedBy("operator")
+    assert status.fact == StopToResume(StoppedBy("operator"))
+    assert stand(again, "resume").status.stopped_fact, "a resume alone is not enough"
+    assert stand(again, "clear_stop").status.stopped_fact is None
     again.be_at(*again.start, "resume")
     goal = again.settle()
     assert goal.status.state == "running"
@@ -71,8 +79,8 @@ def test_a_paused_run_goes_on_only_when_it_is_resumed(last: tuple[str, ...]) -> 
     saved, s_m = cut_off("pause", *last)
     again = resumed(saved)
     status = stand(again).status
-    assert (status.state, status.stopped) == ("paused", "")
-    assert "paused by operator" in status.reason
+    assert (status.state, status.stopped_fact) == ("paused", None)
+    assert status.fact == CutOff(PausedBy("operator"))
     again.be_at(*again.start, "resume")
     assert again.settle().s_m == pytest.approx(s_m, abs=0.05)
 
@@ -81,11 +89,10 @@ def test_however_often_a_run_is_cut_off_it_tells_once_why_it_stands() -> None:
     saved, _ = cut_off("pause")
     for _ in range(3):
         again = resumed(saved)
-        told = stand(again).status.reason
-        assert told == "was cut off: paused by operator; resume goes on with it"
+        assert stand(again).status.fact == CutOff(PausedBy("operator"))
         after = again.mission.snapshot()
         assert after is not None
-        assert after.paused == "paused by operator"
+        assert after.paused_fact == PausedBy("operator")
         saved = after
 
 
@@ -106,7 +113,7 @@ def test_a_mission_that_held_itself_and_is_cancelled_is_held_no_more_and_kept_as
 def test_a_run_that_drove_when_it_was_cut_off_goes_on_by_itself() -> None:
     for actions in ((), ("pause", "resume"), ("stop", "clear_stop", "resume"), ("cancel",)):
         saved, _ = cut_off(*actions)
-        assert (saved.stopped, saved.paused) == ("", "")
+        assert (saved.stopped_fact, saved.paused_fact) == (None, None)
         assert resumed(saved).settle().status.state == "running"
 
 
@@ -115,11 +122,11 @@ def test_a_stop_is_still_there_when_the_run_that_goes_on_is_cut_off_too() -> Non
     again.be_at(*again.start)
     twice = again.mission.snapshot()
     assert twice is not None
-    assert twice.stopped == "stopped by operator"
-    assert stand(resumed(twice)).status.stopped == "stopped by operator"
+    assert twice.stopped_fact == StoppedBy("operator")
+    assert stand(resumed(twice)).status.stopped_fact == StoppedBy("operator")
     again.be_at(*again.start, "clear_stop")
     assert (once := again.mission.snapshot()) is not None
-    assert (once.stopped, once.paused) == ("", "stop cleared; waiting for resume")
+    assert (once.stopped_fact, once.paused_fact) == (None, ResumeAwaited())
 
 
 def test_a_file_of_an_older_version_holds_no_stop() -> None:
@@ -133,8 +140,9 @@ def test_a_file_of_an_older_version_holds_no_stop() -> None:
 def test_a_file_from_before_facts_holds_its_stop_in_its_words() -> None:
     tree = msgspec.to_builtins(cut_off("stop")[0])
     del tree["stopped_fact"], tree["paused_fact"]
+    tree |= {"stopped": "a dog", "paused": "a dog"}
     status = resumed(msgspec.convert(tree, SavedMission)).settle().status
-    assert status.stopped == "stopped by operator"
+    assert status.stopped_fact == Said("a dog")
 
 
 def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
@@ -146,9 +154,9 @@ def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
     latch.hold(Said("the bumper touches something in front"))
     status = one.be_at(*place).status
     assert status.state == "paused"
-    assert status.stopped == "the bumper touches something in front"
-    assert status.reason == f"{status.stopped}; clear the stop, then resume"
+    assert status.stopped_fact == latch.cause
+    assert status.fact == StopToResume(Said("the bumper touches something in front"))
     for refused in ("resume", "start", "return_home", "goto"):
         assert one.be_at(*place, refused).status.state == "paused"
-    assert one.be_at(*place, "clear_stop").status.reason == "stop cleared; waiting for resume"
+    assert one.be_at(*place, "clear_stop").status.fact == ResumeAwaited()
     assert one.be_at(*place, "resume").status.state == "running"

@@ -13,6 +13,7 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import GoalAwaited, NotResumed, Said
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
     AnyRequest,
@@ -153,7 +154,7 @@ def test_a_start_without_a_way_waits_for_a_better_place_and_one_under_a_stop_for
     drive.only_from_m = 1.0
     drive.ask("start")
     status = drive.settle().status
-    assert (status.state, status.reason) == ("paused", "not resumed: put the robot elsewhere")
+    assert (status.state, status.fact) == ("paused", NotResumed(Said("put the robot elsewhere")))
     drive.x_m = 1.0
     drive.ask("start")
     assert drive.settle().status.state == "running"
@@ -182,7 +183,7 @@ def test_a_visit_that_cannot_be_planned_fails_in_the_planners_words() -> None:
     drive.settle()
     drive.ask("visit", -5.0, 0.0)
     status = drive.settle().status
-    assert (status.state, status.reason) == ("failed", "behind the robot")
+    assert (status.state, status.fact) == ("failed", Said("behind the robot"))
 
 
 def test_a_latched_stop_holds_the_visit_until_it_is_cleared_and_resumed() -> None:
@@ -202,7 +203,7 @@ def test_a_latched_stop_holds_the_visit_until_it_is_cleared_and_resumed() -> Non
 def test_a_robot_that_waits_for_goals_begins_with_one_or_when_it_is_resumed() -> None:
     waiting, resumed = Drive(waits=True), Drive(waits=True)
     assert waiting.settle().status.state == "paused"
-    assert "waits for a goal" in waiting.settle().status.reason
+    assert waiting.settle().status.fact == GoalAwaited()
     waiting.ask("visit", 1.0, 0.0)
     assert waiting.settle().status.state == "running"
     resumed.settle()
@@ -224,16 +225,17 @@ def test_a_mission_resumed_where_no_way_begins_waits_to_be_resumed_elsewhere() -
     drive.ask("resume")
     status = drive.settle().status
     assert status.state == "paused"
-    assert status.reason == status.refusal == "not resumed: put the robot elsewhere"
+    refused = NotResumed(Said("put the robot elsewhere"))
+    assert status.fact == status.refusal_fact == refused
     drive.drive_to(2.5)  # by hand
     drive.ask("resume")
     status = drive.settle().status
-    assert (status.state, status.refusal) == ("running", "")
+    assert (status.state, status.refusal_fact) == ("running", None)
 
 
 def test_a_mission_that_begins_by_itself_where_no_way_begins_fails() -> None:
     status = Drive(only_from_m=2.0).settle().status
-    assert (status.state, status.reason) == ("failed", "put the robot elsewhere")
+    assert (status.state, status.fact) == ("failed", Said("put the robot elsewhere"))
 
 
 def test_a_visit_that_was_held_and_cannot_be_planned_fails_for_its_sender_waits() -> None:
