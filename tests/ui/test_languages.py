@@ -8,7 +8,15 @@ import msgspec
 import pytest
 
 from agribot.core.fact_text import render
-from agribot.core.facts import GnssSilent, NoFixesYet, SensorSilent, StoppedBy, StopToClear
+from agribot.core.facts import (
+    ErrandRefused,
+    GnssSilent,
+    NoFixesYet,
+    SensorSilent,
+    StopHolds,
+    StoppedBy,
+    StopToClear,
+)
 from agribot.record.events import make_event
 from agribot.ui import wire
 from agribot.ui.server.channel import Channel
@@ -19,6 +27,7 @@ from tests.ui.messages import make_state
 
 STOP, HELD = StopToClear(StoppedBy("Ann")), SensorSilent("imu", 0.5, 0.3, "imu")
 SILENT, AWAITED = GnssSilent(3.25), NoFixesYet()
+REFUSED = ErrandRefused("goal", StopHolds())
 
 
 def make_told() -> wire.State:
@@ -31,7 +40,10 @@ def make_told() -> wire.State:
         gate=wire.ShownGate(
             state="held", since_s=0.5, reason=render(HELD), reason_fact=HELD
         ),
-        mission=wire.MissionProgress(state="paused", reason=render(STOP), reason_fact=STOP),
+        mission=wire.MissionProgress(
+            state="paused", reason=render(STOP), reason_fact=STOP,
+            refusal=render(REFUSED), refusal_fact=REFUSED,
+        ),
         checks=[
             wire.StartCheck(name="imu", wrong=render(HELD), wrong_fact=HELD),
             wire.StartCheck(name="position", remark=render(AWAITED), remark_fact=AWAITED),
@@ -57,7 +69,7 @@ def read_texts(state: dict[str, Any]) -> list[str]:
     checks, doubts = state["checks"], state["doubts"]
     return [
         state["stop"], state["reason"], state["gate"]["reason"], state["mission"]["reason"],
-        checks[0][1], checks[1][2], doubts[0]["reason"],
+        checks[0][1], checks[1][2], doubts[0]["reason"], state["mission"]["refusal"],
     ]  # fmt: skip
 
 
@@ -69,7 +81,7 @@ def test_a_page_gets_every_text_in_its_language_and_no_fact(language: str) -> No
     stop, held = render(STOP, language), render(HELD, language)
     assert read_texts(state) == [
         stop, "words from outside", held, stop, held, render(AWAITED, language),
-        render(SILENT, language),
+        render(SILENT, language), render(REFUSED, language),
     ]  # fmt: skip
     assert b"sensor_silent" not in msgspec.json.encode(state)
     assert b"_fact" not in msgspec.json.encode(state)
