@@ -25,7 +25,7 @@ _MOST_PLACES = 50
 
 
 class RoutePlan(msgspec.Struct, frozen=True):
-    """The poses of a route in the frame that was asked for, and its length; or the reason without one.
+    """Poses of a route in the requested frame, and its length; or the reason without one.
 
     A pose is a geometry_msgs/Pose of ROS 2.
     """
