@@ -149,15 +149,20 @@ class FirmwarePlatform:
             self._receiver.carry(batches[-1])
             self._link.feed(self._faults.bring(self._bench.receive()), self._t_s)
         requests, hand = self.inbox.drain(self._t_s)
-        told = self._link.take(self._t_s)
+        samples = self._link.take(self._t_s)
         if self._faults.are_inputs_silent:
-            told |= hush_inputs(told)
-        told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
-        self._send(self._link.clear(self._t_s, requests, told["board"]))
-        told |= self._receiver.take(self._t_s)
-        notes = (*told.pop("notes"), *self._link.watch_line(self._t_s))
+            samples |= hush_inputs(samples)
+        samples["mag"] = tuple(each for each in samples["mag"] if each.t_s >= self._field_from_s)
+        self._send(self._link.clear(self._t_s, requests, samples["board"]))
+        samples |= self._receiver.take(self._t_s)
+        notes = (*samples.pop("notes"), *self._link.watch_line(self._t_s))
         return msgspec.structs.replace(
-            join_batches(batches), t_s=self._t_s, requests=requests, notes=notes, hand=hand, **told
+            join_batches(batches),
+            t_s=self._t_s,
+            requests=requests,
+            notes=notes,
+            hand=hand,
+            **samples,
         )
 
     def write(self, command: RobotCommand) -> None:

@@ -259,12 +259,12 @@ def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool
         found.append(BoardUnconfigured())
     if StopCause.REVERSED in causes:
         found.append(_find_reversed(state.motor_faults))
-    told = BoardStopped(tuple(word for cause, word in CAUSES.items() if cause in causes))
+    stop = BoardStopped(tuple(word for cause, word in CAUSES.items() if cause in causes))
     return BoardSample(
         t_s=0.0,
         inputs=("red button", "bumper", "motors", *(("battery",) if has_battery else ())),
         is_button_pressed=BoardFlag.ESTOP_PRESSED in flags,
-        stop=told if BoardFlag.STOP_LATCHED in flags else None,
+        stop=stop if BoardFlag.STOP_LATCHED in flags else None,
         fault=join_facts(found),
     )
 

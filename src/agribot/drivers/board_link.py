@@ -126,13 +126,13 @@ class BoardLink:
         return self._watch.update(t_s, board.broken if isinstance(board, CountsBroken) else 0)
 
     def clear(
-        self, t_s: float, events: tuple[RequestEvent, ...], told: tuple[BoardSample, ...]
+        self, t_s: float, events: tuple[RequestEvent, ...], reports: tuple[BoardSample, ...]
     ) -> bytes:
         """Make the command that clears the board's stop, sent until the board has let go."""
         words = [event.request.word for event in events]
         if "clear_stop" in words:
             self._clearing_until_s = t_s + CLEARING_S
-        last = told[-1] if told else None
+        last = reports[-1] if reports else None
         has_let_go = last is not None and last.stop is None  # the next stop is a new one
         if "stop" in words or has_let_go or (last is not None and last.is_button_pressed):
             self._clearing_until_s = -math.inf

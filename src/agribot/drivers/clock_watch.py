@@ -39,7 +39,7 @@ class ClockWatch:
         is_unsure = unsure_s > UNSURE_S
         if self._is_reported and is_unsure == self._is_unsure:
             return ()
-        self._is_told, self._is_unsure = True, is_unsure
+        self._is_reported, self._is_unsure = True, is_unsure
         unsure = TimesUnsure(self._name, unsure_s, UNSURE_S)
         fact = unsure if is_unsure else TimesKnown(self._name, unsure_s)
         return (DeviceNote(t_s=t_s, fact=fact),)

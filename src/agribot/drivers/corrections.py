@@ -207,7 +207,7 @@ class CorrectionLink:
             return
         self._last_s = self._now_s()
         if not self._is_flowing:
-            self._is_flowing, self._told = True, ""
+            self._is_flowing, self._notified = True, ""
             is_again, self._has_come = self._has_come, True
             self._notify(CorrectionsCome(self._caster.name, is_again))
 
@@ -240,7 +240,7 @@ class CorrectionLink:
         """Report each reason once, until corrections come again."""
         if why == self._notified:
             return
-        self._told = why
+        self._notified = why
         self._notify(CorrectionsMissing(self._caster.name, why, is_lost=self._is_flowing))
 
 

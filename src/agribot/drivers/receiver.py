@@ -188,8 +188,8 @@ class ReceiverSource:
         """Take headings and states of the receiver, and what happened to its corrections."""
         notes = [self._notes.popleft() for _ in range(len(self._notes))]
         more = self._link.take_more(t_s)
-        told = tuple(DeviceNote(t_s=t_s, fact=fact) for fact in notes)
-        return more | {"notes": (*told, *more["notes"])}
+        notes_seen = tuple(DeviceNote(t_s=t_s, fact=fact) for fact in notes)
+        return more | {"notes": (*notes_seen, *more["notes"])}
 
     def close(self) -> None:
         """Let go of the line and of the caster. Safe to call twice."""

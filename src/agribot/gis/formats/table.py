@@ -78,8 +78,8 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
     guessed = give_kinds(found, left_out)
     if not any(feature["properties"]["kind"] == "boundary" for feature in found):
         del guessed["LineString"]  # a file of rows
-    told = _name_changes(name, left_out, changes, guessed)
-    more: dict[str, Any] = {"left_out": told} if told else {}
+    notes = _name_changes(name, left_out, changes, guessed)
+    more: dict[str, Any] = {"left_out": notes} if notes else {}
     if parts:
         more["parts"] = parts
     return {"type": "FeatureCollection", "features": found, **more}

@@ -31,9 +31,9 @@ def parse_xml(data: bytes) -> ET.Element:
     try:
         return _build(text)
     except (expat.ExpatError, LookupError) as error:  # also an encoding that is not known
-        mended = _AMPERSAND.sub(_write_reference, text)
+        fixed = _AMPERSAND.sub(_write_reference, text)
         try:
-            return _build(mended)
+            return _build(fixed)
         except (expat.ExpatError, LookupError):
             raise ValueError(f"not XML: {error}") from error
 

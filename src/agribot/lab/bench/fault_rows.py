@@ -153,16 +153,16 @@ def _leave_out_usual(fault: FaultReport, usual: Report | None) -> FaultReport:
     """Return a fault as not noticed where every report also appears without it."""
     if usual is None:
         return fault
-    told = {_name_kind(told) for told in (*usual.safety.stops, *usual.safety.noticed)}
-    if _name_kind(fault) not in told:
+    usual_kinds = {_name_kind(event) for event in (*usual.safety.stops, *usual.safety.noticed)}
+    if _name_kind(fault) not in usual_kinds:
         return fault
     return FaultReport(name=fault.name, t_s=fault.t_s, fault=fault.fault)
 
 
-def _name_kind(told: SafetyEvent | FaultReport) -> tuple[object, ...]:
+def _name_kind(event: SafetyEvent | FaultReport) -> tuple[object, ...]:
     """Return what stays the same while numbers change; words only where there is no code."""
-    is_said = told.code in ("", Said.__struct_config__.tag)
-    return told.code, told.parts, told.reason if is_said else ""
+    is_said = event.code in ("", Said.__struct_config__.tag)
+    return event.code, event.parts, event.reason if is_said else ""
 
 
 def _add_verdicts(row: FaultRow, faults: Sequence[FaultReport]) -> FaultRow:
