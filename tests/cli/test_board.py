@@ -14,6 +14,7 @@ import pytest
 
 from agribot.cli import board as board_command
 from agribot.cli.main import main
+from agribot.drivers import found_devices
 from agribot.drivers.board_codec import BoardDecoder, encode
 from agribot.drivers.board_protocol import (
     LAYOUT,
@@ -24,6 +25,7 @@ from agribot.drivers.board_protocol import (
     BoardKind,
     BoardVersion,
 )
+from agribot.drivers.found_devices import FoundDevice
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.lines import Line
 from tests.waiting import interrupted_once
@@ -92,6 +94,30 @@ def test_a_motor_board_is_told_with_what_stops_it(
     assert "motor board, firmware 1.0.0" in told and "its red button was pressed" in told
     assert "battery 25.2 V" in told and "estop pressed" in told
     assert json.loads(out)["version"]["board"] == BoardKind.MOTOR
+
+
+def test_a_board_is_looked_for_at_every_free_line_where_none_is_named(
+    line: Line, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def list_lines(*paths: str) -> None:
+        found = [
+            FoundDevice(
+                kind="serial", path=path, node=path, what="Arduino", group="dialout",
+                is_usable=path != "/dev/locked",
+            )
+            for path in paths
+        ]  # fmt: skip
+        monkeypatch.setattr(found_devices, "find_serial_lines", lambda root: iter(found))
+
+    list_lines("/dev/locked")
+    assert main(["board", "show"]) == 2
+    assert (
+        "none of 1 serial lines is free; connect the board's USB cable" in capsys.readouterr().err
+    )
+    list_lines("/dev/not-there", str(line.path))
+    with living(line, LinesThenFrames().live):
+        assert main(["board", "show"]) == 0
+    assert "imu board, firmware 1.2.3" in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agribot.cli.ranges import number
@@ -24,8 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     show = actions.add_parser(
         "show", help="which board is there, its firmware, what stops it, battery",
-        description="Hear a line and ask the board of ours that speaks there. Opening the line "
-        "resets the board.",
+        description="Hear a line and ask the board of ours that speaks there; without a URI, every "
+        "serial line that is free, until one answers. Opening a line resets its board.",
         epilog="example: agribot board show serial:/dev/agribot-base",
     )  # fmt: skip
     flash = actions.add_parser(
@@ -39,8 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--for", dest="seconds", type=number(0.0), default=0.0, metavar="SECONDS",
         help="go on with a line a second",
     )  # fmt: skip
-    for made in (show, flash):
-        made.add_argument("uri", metavar="URI", help="serial:/dev/ttyACM0, or with ?baud=")
+    for made, count in ((show, "?"), (flash, None)):
+        made.add_argument(
+            "uri", nargs=count, metavar="URI", help="serial:/dev/ttyACM0, or with ?baud="
+        )
         made.add_argument("--json", action="store_true", help="the result as the last line")
 
 
@@ -52,6 +55,8 @@ def run(options: argparse.Namespace) -> int:
     from agribot.drivers.board_protocol import BoardKind
     from agribot.drivers.schemes import read_uri
 
+    if options.uri is None:
+        return _show_first(options)
     uri = read_uri(f"agribot board {options.action}", options.uri, "")
     if uri.scheme == "serial":
         extras.require("hardware", f"agribot board {options.action} {options.uri}")
@@ -67,6 +72,31 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         _print_json(found)
     return 0 if found.is_understood and is_heard else 1
+
+
+def _show_first(options: argparse.Namespace) -> int:
+    """Show the first board of ours at a serial line that no program has open.
+
+    Raises: ConfigError: no line is free, or no board of ours is at one.
+    """
+    from agribot.drivers.found_devices import find_serial_lines
+    from agribot.drivers.line_holders import find_holders
+
+    lines = [each for each in find_serial_lines(Path("/")) if not each.is_receiver]
+    free = [each for each in lines if each.is_usable and not find_holders(each.node)]
+    reasons: list[str] = []
+    for line in free:
+        options.uri = f"serial:{line.path}"
+        try:
+            return run(options)
+        except ConfigError as error:
+            reasons.append(str(error))
+    if reasons:
+        raise ConfigError("; ".join(reasons))
+    raise ConfigError(
+        f"none of {len(lines)} serial lines is free; connect the board's USB "
+        "cable, end the program that has its line, or name the line: serial:/dev/ttyACM0"
+    )
 
 
 def _find(uri: SourceUri, wanted: object, seconds: float) -> tuple[FoundBoard, bool]:

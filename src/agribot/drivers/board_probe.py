@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import msgspec
 
+from agribot.core.fact_text import render
+from agribot.core.facts import BoardStopped
 from agribot.drivers.agribot_board import CAUSES
 from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
 from agribot.drivers.board_protocol import (
@@ -153,11 +155,11 @@ def describe_board(found: FoundBoard) -> str:
 
 
 def _describe_state(state: BoardState) -> list[str]:
-    causes = [text for cause, text in CAUSES.items() if cause in state.stop_causes]
+    causes = tuple(cause for bit, cause in CAUSES.items() if bit in state.stop_causes)
     flags = [flag.name or "" for flag in type(state.flags) if flag in state.flags]
     return [
         f"battery {state.battery_v:.1f} V",
-        f"stopped: {' and '.join(causes)}" if causes else "not stopped",
+        f"stopped: {render(BoardStopped(causes))}" if causes else "not stopped",
         *(name.lower().replace("_", " ") for name in flags if name != "STOP_LATCHED"),
         f"counts {' '.join(map(str, state.counts))}",
     ]
