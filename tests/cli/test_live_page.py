@@ -118,7 +118,7 @@ def test_the_page_shows_the_stream_and_answers_no_other_name_than_this_machines(
     assert fetch(f"{page.url}latest.jpg")[2] == b"jpeg"
     assert fetch(f"{page.url}secrets")[0] == 404
     status, _, body = fetch(page.url, Host="evil.example")
-    assert status == 403 and b"none of this robot's names" in body
+    assert status == 403 and b"is not a name of this robot" in body
 
 
 def test_more_browsers_than_places_are_told_so(page: LivePage) -> None:

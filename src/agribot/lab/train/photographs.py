@@ -218,13 +218,13 @@ def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray
         raise PictureError(f"{path}: {explain_no_classes(mask, is_named=is_named)}")
     unknown = int((label == UNKNOWN).sum())
     if unknown:
-        allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}{advise_ids(mask)}"
+        allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}"
         if ids:
             allowed = f"values {', '.join(format_key(key) for key in sorted(ids))}"
-            allowed += advise_ids(mask)
+        source = ", as --ids says" if is_named else ""
         raise PictureError(
-            f"{path}: {unknown} pixels have a value or colour that is no class; allowed: {allowed}"
-            + (", as --ids says" if is_named else "")
+            f"{path}: {unknown} pixels have a value or colour that is no class; allowed: "
+            f"{allowed}{source}{advise_ids(mask)}"
         )
     return label
 
