@@ -119,9 +119,17 @@ class DdsNode:
         return end
 
     def subscribe_nodes(self, on_message: Callable[[bytes], None]) -> None:
-        """Call `on_message` with what each participant says of its nodes, in a thread of DDS."""
+        """Call `on_message` with the nodes of participants in other processes, in a thread of DDS.
+
+        A write waits for readers of its own process with Python's lock held, and a reader that is
+        called by another thread waits for that lock; so `announce` has no reader here.
+        """
+        from cyclonedds.qos import Policy
+        from cyclonedds.qos import Qos as DdsQos
+
         topic = msgspec.structs.replace(NODES, qos=Qos(latched=True, depth=_MOST_PARTICIPANTS))
-        self._create_reader(topic, topic.name, on_message, None, _make_qos(topic, None))
+        qos = _make_qos(topic, None) + DdsQos(Policy.IgnoreLocal.Process)
+        self._create_reader(topic, topic.name, on_message, None, qos)
 
     def _create_reader(
         self,
