@@ -178,13 +178,14 @@ LOOKED_INTO = {
     "ui/server/app.py": "a refused connection has room for this many letters",
     "ui/server/sockets.py": "a closing frame takes 120 letters",
 }
-# Where texts are made inside the program: fields of messages that others read, and refusals.
+# Where texts are made inside the program: fields of messages that others read, refusals, and the
+# line of a board in a terminal.
 RENDERED = frozenset(
     {
         "app/stop_memory.py", "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
         "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
         "autonomy/plan/answers.py", "autonomy/plan/mission.py", "autonomy/plan/status.py",
-        "autonomy/stack.py", "record/events.py",
+        "autonomy/stack.py", "drivers/board_probe.py", "record/events.py",
     }
 )  # fmt: skip
 
