@@ -220,9 +220,7 @@ class Gnss(Correction[GnssFix]):
         widened = self._widen(fix, noise, is_vouched=is_vouched)
         if self._is_wide and "position" in self.pose.known:
             # The fixes until now were believed too much.
-            widest_m2 = max(self._widest_m2, float(widened.bias_std_m) ** 2)
-            self.pose.ekf.doubt_fixes(widest_m2 / self._widest_m2)
-            self._widest_m2 = widest_m2
+            self._doubt_pose(max(self._widest_m2, float(widened.bias_std_m) ** 2))
         return widened
 
     def _widen(self, fix: GnssFix, noise: FixNoise, *, is_vouched: bool = False) -> FixNoise:
@@ -456,7 +454,7 @@ class Gnss(Correction[GnssFix]):
             error_m = math.hypot(*residuals)
             self.wander.enlarge(error_m)
             if self._is_wide:
-                self._doubt_pose(error_m**2 / 2.0)
+                self._doubt_pose(self._widest_m2 + error_m**2 / 2.0)
             states = (GNSS_BIAS_X, GNSS_BIAS_Y)
             opens = tuple((state, error_m**2 / 2.0) for state in states)
             self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
@@ -464,14 +462,13 @@ class Gnss(Correction[GnssFix]):
         self.moved_m = _sum(self.moved_m, residuals)
         self._open(measured)
 
-    def _doubt_pose(self, more_m2: float) -> None:
-        """Doubt the pose as far as it follows fixes whose slow error is larger by a variance.
+    def _doubt_pose(self, widest_m2: float) -> None:
+        """Doubt the pose as far as it follows fixes whose slow error has a larger variance.
 
         Rows that a camera sees and a mark hold it all the same.
         """
-        before_m2 = self._widest_m2
-        self._widest_m2 += more_m2
-        self.pose.ekf.doubt_fixes(self._widest_m2 / before_m2)
+        self.pose.ekf.doubt_fixes(widest_m2 / self._widest_m2)
+        self._widest_m2 = widest_m2
 
     def _open(self, measured: Measurement) -> None:
         """Let the filter go where a fix is."""
