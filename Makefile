@@ -10,7 +10,8 @@ PAGE := $(filter-out web/node_modules/% web/.test-build/%,$(PAGE))
 # The cheap tests: the rules of the house, the units, formats, the command line.
 DEAR := $(addprefix tests/,test_missing_programs.py test_own_rules.py test_second_chance.py \
   test_wheels_on_arm.py app/test_beliefs.py app/test_hardware_camera.py app/test_hardware_run.py \
-  app/test_live_settings.py app/test_operator_sends.py gis/test_many_weeds.py \
+  app/test_live_settings.py app/test_operator_sends.py app/test_implement_of_ones_own.py \
+  app/test_pose_by_hand.py app/test_taught_rows.py gis/test_many_weeds.py \
   gis/test_weed_files.py autonomy/control/test_follower.py)
 QUICK := $(filter-out $(DEAR),$(wildcard $(addprefix tests/,test_*.py $(addsuffix /test_*.py,\
   app core autonomy autonomy/control autonomy/weeds gis ros/messages)))) \
