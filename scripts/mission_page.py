@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import defaultdict
+from collections.abc import Mapping
 
 from agribot.autonomy.control.stalled_turn import PIECE_RAD, STALLED_RATIO, STALLED_S
 from agribot.autonomy.control.wheel_watch import HELD_LASTING_S
 from agribot.autonomy.plan.freeing import SAME_PLACE_M, TRIES
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
 from agribot.autonomy.plan.row_recovery import LADDER
-from agribot.core.fact_text import render
-from agribot.core.messages import RequestWord
 
 HEAD = """# The mission and what it is asked
 
@@ -19,7 +19,7 @@ Written by `make pages` from
 [`requests.py`](../src/agribot/autonomy/plan/requests.py).
 
 A mission is in one of these states ([`states.py`](../src/agribot/autonomy/plan/states.py)).
-Status, page and recording know them by the word in the second column.
+Status, page and recording show the word in the second column.
 
 | state | word | what the robot does | what ends it |
 |---|---|---|---|
@@ -30,32 +30,34 @@ STATES = (
     (
         "on an errand",
         "`running`",
-        "drives home, to a place, back to the work, or out of a row that it lost or a place where "
-        "it is stuck, with the tool off",
+        "drives home, to a place, back to the work, or out of a lost row, with the tool off",
         "the end of the way, or a fault",
     ),
     ("stopping", "`paused`", "comes to rest for an errand and plans its way there", "itself"),
-    ("paused", "`paused`", "stands", "a person or a program that resumes it or sends it on"),
+    ("paused", "`paused`", "stands", "a request"),
     (
         "ended",
         "`done`, `cancelled`, `failed`",
         "stands",
-        "nothing; one that stays open (`--stay`, `mission.waits_for_goals`) can be sent on",
+        "nothing",
+    ),
+    (
+        "open",
+        "the same",
+        "stands after its end (`--stay`, `mission.waits_for_goals`)",
+        "a request",
     ),
 )
 RULES = """
-A **stop** is latched in one place, `core/latch.py`, for all that close it: a person, the
-supervisor, or the run that was cut off before. While it holds, the mission is paused or has ended,
-and the column *stopped* counts first; where that says "-", the state's own column counts. A mission
-that has ended and does not stay open takes nothing, stopped or not.
+A person, the [supervisor](safety.md#protective-stops) or a run that was cut off may **stop** the
+robot. Until the stop is cleared the mission is paused or has ended, and "stopped", where it is
+listed, counts before every state but "ended".
 
-Between the mission and the motors stands the gate, with [states](hazards.md#states-of-the-gate)
-and a [list before the start](hazards.md#before-the-start) of its own.
+A request is done, *refused* (`refusal` of the status says why) or left alone (in brackets). What is
+done may still be refused, for example where no way leads there.
 
-A request is done, *refused* (`refusal` of the status says why), or left alone for the reason in
-brackets. What is to be done is still refused where it cannot be: no way leads there, the plan is
-not good, the robot was carried away.
-
+| request | reaction |
+|---|---|
 """
 COLUMNS: dict[Column, str] = {
     "stopped": "stopped",
@@ -64,50 +66,40 @@ COLUMNS: dict[Column, str] = {
     "on_errand": "on an errand",
     "stopping": "stopping",
     "paused": "paused",
-    "open": "ended, open",
+    "open": "open",
     "ended": "ended",
 }
 
+# Least number of states that a line does not name one by one.
+MANY = 3
 
 STALLED = f"""
 ## Where a turn stalls
 
-A skid-steer robot that turns in an arc lets its inner wheels nearly stand, and soft ground holds
-them while the outer ones spin: the robot stands, however long they do. Where it turns by less than
-{100 * STALLED_RATIO:.0f} % of what was asked for {STALLED_S:g} s, it takes the next
-{math.degrees(PIECE_RAD):.0f} degrees on the spot, which turns all wheels against each other and
-breaks them loose, and drives on along its turn
-([`stalled_turn.py`](../src/agribot/autonomy/control/stalled_turn.py)). It does so between rows
-only, never where crop stands beside its wheels, and not twice where it did not turn on the spot
-either: then it is [stuck](#where-the-robot-is-stuck). In
-`rows-10x12 --preset field` (RTK, seed 25) a robot that stood in its first turn until a person came
-drives on after a second.
+Soft ground may hold the inner wheels of an arc while the outer ones spin. A robot that turns by
+less than {100 * STALLED_RATIO:.0f} % of its command for {STALLED_S:g} s takes the next
+{math.degrees(PIECE_RAD):.0f} degrees on the spot, which breaks its wheels loose, and drives on. It
+does so between rows only, never where crop stands beside its wheels.
 """
 
 STUCK = f"""
 ## Where the robot is stuck
 
-Clods hold a wheel for a second or two, and the robot climbs over them. Where its wheels turn for
-{HELD_LASTING_S:g} s and it does not get on, or not around, the gate holds it; after a second at
-rest the mission backs out on the bend on which it came, tool off, by {TRIES[0].back_m:g} m, and
-tries again with a run-up ([`freeing.py`](../src/agribot/autonomy/plan/freeing.py)); at the same
-place, within {SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times: twice from
-{TRIES[1].back_m:g} m and then from {TRIES[3].back_m:g} m, driving {100.0 * TRIES[1].left_m:g} cm to
-the left and to the right of its path by turns until it is {SAME_PLACE_M:g} m on, so that other
-parts of its wheels meet the clods. In its rows it then counts on that much less room to the crop.
-Held on its way back, it tries forwards. It backs out only over ground on which it has just come, so
-that a robot that has only just set off does not try, nor one on an errand or backwards.
-What is left the [gate](safety.md#protective-stops) stops, for a person to look. How far that leads
-on the roughest ground is [measured](results/simulator.md#how-far-the-robot-gets-on-hard).
+Where the wheels turn for {HELD_LASTING_S:g} s and the robot does not get on, it stands for a
+second, backs out over its own track with the tool off, and tries again with a run-up:
+{TRIES[0].back_m:g} m, then twice {TRIES[1].back_m:g} m, then {TRIES[3].back_m:g} m. From the second
+try on it passes the place {100.0 * TRIES[1].left_m:g} cm to the left or right of its path. After
+`mission.free_tries` tries within {SAME_PLACE_M:g} m, on an errand, backwards, or where it has only
+just set off, it [stops](safety.md#protective-stops) until a person has looked.
+[Measured](results/simulator.md#how-far-the-robot-gets-on-hard).
 """
 
 LOST = """
 ## Where the row is lost
 
-Known across its row worse than `mission.max_row_std_m`, or standing because it may reach crop, the
-robot takes these steps, each where the one before has not helped
-([`row_recovery.py`](../src/agribot/autonomy/plan/row_recovery.py)). Backing out it follows its own
-way straight back, also where it is beside its row; the tool is off.
+A robot that knows its place across the row worse than `mission.max_row_std_m`, or stands because it
+may reach crop, takes these steps one after the other, with the tool off. It backs out straight
+along its own way.
 
 | step | what the robot does | when |
 |---|---|---|
@@ -115,29 +107,42 @@ way straight back, also where it is beside its row; the tool is off.
 
 
 def page() -> str:
-    head = f"| request | {' | '.join(COLUMNS.values())} |\n|{'---|' * (len(COLUMNS) + 1)}\n"
     states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
     ladder = "".join(f"| {' | '.join(step)} |\n" for step in LADDER)
-    return (
-        HEAD + states + RULES + head + "".join(map(_row, TABLE)) + STALLED + STUCK + LOST + ladder
-    )
+    return HEAD + states + RULES + _list_requests() + STALLED + STUCK + LOST + ladder
 
 
-def _row(action: RequestWord) -> str:
-    cells = (_cell(TABLE[action].get(column)) for column in COLUMNS)
-    return f"| `{action}` | {' | '.join(cells)} |\n"
+def _list_requests() -> str:
+    """Write a line for each reaction, with all requests that have it."""
+    requests: defaultdict[str, list[str]] = defaultdict(list)
+    for action, reactions in TABLE.items():
+        requests[_describe(reactions)].append(f"`{action}`")
+    return "".join(f"| {', '.join(names)} | {text} |\n" for text, names in requests.items())
 
 
-def _cell(reaction: Reaction | None) -> str:
+def _describe(reactions: Mapping[Column, Reaction]) -> str:
+    """Write each reaction behind its states; the one of most states comes last, without them."""
+    states: defaultdict[str, list[str]] = defaultdict(list)
+    for column, name in COLUMNS.items():
+        if column in reactions:
+            states[_cell(reactions[column])].append(name)
+    last = max(states, key=lambda text: len(states[text]))
+    if len(states) == 1:
+        return last
+    parts = [f"{', '.join(names)}: {text}" for text, names in states.items() if text != last]
+    is_rest = len(states[last]) >= MANY and COLUMNS["stopped"] not in states[last]
+    names = "otherwise" if is_rest else ", ".join(states[last])
+    return "<br>".join([*parts, f"{names}: {last}"])
+
+
+def _cell(reaction: Reaction) -> str:
     match reaction:
         case Do():
             return reaction.value
         case Refuse():
-            return f"*{render(reaction.why)}*"
+            return "*refused*"
         case Ignore():
             return f"({reaction.why})"
-        case None:
-            return "-"
 
 
 if __name__ == "__main__":

@@ -35,19 +35,18 @@ class Rung(NamedTuple):
 
 
 LADDER = (
-    Rung("creep", "drives on at a quarter of its speed, tool off", "first, for 10 s: a camera "
-         "finds a row on the move"),
+    Rung("creep", "drives on at a quarter of its speed", "first, for 10 s"),
     Rung("look", f"stands for {LOOK_S:g} s", "the row is still lost"),
     Rung("back", f"backs out to {SURE_M:g} m before the last place where it was sure of its row, "
          "or before the row, and drives on from there",
-         "the row is still lost, a camera looks, and no sensor is known to fail; or the row was "
-         f"found again with the robot more than {ASIDE_M:g} m aside of it"),
-    Rung("leave out", "backs out before the row, leaves it out as skipped and goes on with the "
-         "next", "the same row is lost again, and it is surely that row: its crop was seen before, "
-         f"or RTK shows which row it is; at most {MOST_LEFT_OUT} rows one after the other"),
+         "the row is still lost, a camera looks and no sensor is known to fail; or the row was "
+         f"found again, more than {ASIDE_M:g} m aside"),
+    Rung("leave out", "backs out before the row, skips it and goes on with the next",
+         "the same row is lost again, and its crop was seen before or RTK shows which row it is; "
+         f"at most {MOST_LEFT_OUT} rows one after the other"),
     Rung("ask", "stands; after `mission.stall_timeout_s` the mission is paused where the robot may "
          "reach crop, and fails elsewhere",
-         "all other cases, and every case without a camera"),
+         "in all other cases, and always without a camera"),
 )  # fmt: skip
 
 
