@@ -30,23 +30,14 @@ STATES = (
     (
         "on an errand",
         "`running`",
-        "drives home, to a place, back to the work, or out of a lost row, with the tool off",
+        "drives home, to a place, back to the work, or out of a row that it lost or a place where "
+        "it is stuck, with the tool off",
         "the end of the way, or a fault",
     ),
     ("stopping", "`paused`", "comes to rest for an errand and plans its way there", "itself"),
     ("paused", "`paused`", "stands", "a request"),
-    (
-        "ended",
-        "`done`, `cancelled`, `failed`",
-        "stands",
-        "nothing",
-    ),
-    (
-        "open",
-        "the same",
-        "stands after its end (`--stay`, `mission.waits_for_goals`)",
-        "a request",
-    ),
+    ("ended", "`done`, `cancelled`, `failed`", "stands", "nothing"),
+    ("open", "the same", "stays (`--stay`, `mission.waits_for_goals`)", "a request"),
 )
 RULES = """
 A person, the [supervisor](safety.md#protective-stops) or a run that was cut off may **stop** the
@@ -73,24 +64,17 @@ COLUMNS: dict[Column, str] = {
 # Least number of states that a line does not name one by one.
 MANY = 3
 
-STALLED = f"""
-## Where a turn stalls
-
-Soft ground may hold the inner wheels of an arc while the outer ones spin. A robot that turns by
-less than {100 * STALLED_RATIO:.0f} % of its command for {STALLED_S:g} s takes the next
-{math.degrees(PIECE_RAD):.0f} degrees on the spot, which breaks its wheels loose, and drives on. It
-does so between rows only, never where crop stands beside its wheels.
-"""
-
 STUCK = f"""
 ## Where the robot is stuck
 
-Where the wheels turn for {HELD_LASTING_S:g} s and the robot does not get on, it stands for a
-second, backs out over its own track with the tool off, and tries again with a run-up:
-{TRIES[0].back_m:g} m, then twice {TRIES[1].back_m:g} m, then {TRIES[3].back_m:g} m. From the second
-try on it passes the place {100.0 * TRIES[1].left_m:g} cm to the left or right of its path. After
-`mission.free_tries` tries within {SAME_PLACE_M:g} m, on an errand, backwards, or where it has only
-just set off, it [stops](safety.md#protective-stops) until a person has looked.
+A turn that gets less than {100 * STALLED_RATIO:.0f} % of its command for {STALLED_S:g} s goes on
+with {math.degrees(PIECE_RAD):.0f} degrees on the spot, which breaks the wheels loose; never where
+crop stands beside them. Where the robot does not get on for {HELD_LASTING_S:g} s, it backs out over
+its own track with the tool off and tries again with a run-up: {TRIES[0].back_m:g} m, then twice
+{TRIES[1].back_m:g} m, then {TRIES[3].back_m:g} m, from the second try on
+{100.0 * TRIES[1].left_m:g} cm to the left or right of its path. After `mission.free_tries` tries
+within {SAME_PLACE_M:g} m, on an errand, backwards, or where it has only just set off, it
+[stops](safety.md#protective-stops) until a person has looked.
 [Measured](results/simulator.md#how-far-the-robot-gets-on-hard).
 """
 
@@ -109,7 +93,7 @@ along its own way.
 def page() -> str:
     states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
     ladder = "".join(f"| {' | '.join(step)} |\n" for step in LADDER)
-    return HEAD + states + RULES + _list_requests() + STALLED + STUCK + LOST + ladder
+    return HEAD + states + RULES + _list_requests() + STUCK + LOST + ladder
 
 
 def _list_requests() -> str:
