@@ -355,6 +355,7 @@ def _safety(
         crushes=crushes,
         interventions=interventions,
         km_per_intervention=compute_km_per_intervention(distance_m, len(interventions)),
+        dropouts=drive.event_log.dropouts,
     )
 
 

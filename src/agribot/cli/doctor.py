@@ -175,6 +175,9 @@ def _list_checks(*, is_full: bool) -> Iterator[Check]:
 
     yield devices.check_devices
     yield devices.check_gpsd
+    from agribot.cli import doctor_runs as runs
+
+    yield runs.check_dropouts
     from agribot.cli import doctor_packages as packages
 
     if is_full:

@@ -41,6 +41,11 @@ Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall
 Motion = Literal["stand", "backwards", "fast", "slow"]  # motions of wheels, against their command
 Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
 
+# A sensor, a board, the program or the encoder of one wheel may be silent for moments.
+ComingAndGoing = Literal["gnss", "compass", "imu", "wheels", "camera", "board", "contactor",
+                         "program", "right_wheel_R", "left_wheel_R", "right_wheel_F",
+                         "left_wheel_F"]  # fmt: skip
+
 _CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
 
 
@@ -256,6 +261,31 @@ class SourceHeard(_OfSource, frozen=True):
     """A source that was silent sends again."""
 
     severity: ClassVar[Severity] = "note"
+
+
+_COME_AND_GO: dict[str, Part] = {
+    "gnss": "gnss", "compass": "compass", "imu": "imu", "wheels": "wheels", "camera": "camera",
+    "board": "link", "contactor": "contactor", "program": "program", "right_wheel_R": "wheels",
+    "left_wheel_R": "wheels", "right_wheel_F": "wheels", "left_wheel_F": "wheels",
+}  # fmt: skip
+
+
+class ComesAndGoes(Fact, frozen=True):
+    """A sensor, a board, one encoder or the program itself fell silent several times, briefly."""
+
+    severity: ClassVar[Severity] = "warning"
+    silent_part: ComingAndGoing
+    count: int
+    within_min: float
+    longest_s: float
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (_COME_AND_GO[self.silent_part],)
+
+    @property
+    def variant(self) -> str:
+        return "program" if self.silent_part == "program" else "part"
 
 
 class _OfLine(Fact, frozen=True):

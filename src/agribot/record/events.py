@@ -12,7 +12,7 @@ import msgspec
 
 from agribot.core.errors import RecordingError
 from agribot.core.fact_text import render
-from agribot.core.facts import AnyFact, Fact, Part, find_kind
+from agribot.core.facts import AnyFact, ComingAndGoing, Fact, Part, find_kind
 from agribot.core.messages import (
     ALL_FINE,
     STOP,
@@ -28,6 +28,7 @@ from agribot.core.messages import (
     Who,
 )
 from agribot.core.request_text import describe_request
+from agribot.record.dropout_watch import Dropouts, DropoutWatch
 
 EventKind = Literal[
     "mission",
@@ -153,12 +154,20 @@ class EventSieve:
         self._moving = False
         self._driver: Who | None = None
         self._row: _RowStory | None = None
+        self._dropouts = DropoutWatch()
+
+    @property
+    def dropouts(self) -> dict[ComingAndGoing, Dropouts]:
+        """Dropouts until now, of the parts that had any."""
+        return self._dropouts.summarise()
 
     def __call__(self, record: TickRecord) -> list[Event]:
         self._found, self._facts = [], []
         t_s = record.batch.t_s
         for note in record.batch.notes:
             self._note_device(note)
+        for fact in self._dropouts.update(record.batch):
+            self._add(t_s, "fault", render(fact), fact)
         for request in record.batch.requests:
             self._note_request(request)
         self._note_hand(t_s, record)
@@ -327,6 +336,11 @@ class EventLog:
     @property
     def events(self) -> tuple[Event, ...]:
         return tuple(self._events)
+
+    @property
+    def dropouts(self) -> dict[ComingAndGoing, Dropouts]:
+        """Dropouts until now, of the parts that had any."""
+        return self._sieve.dropouts
 
     def list_since(self, index: int) -> list[Event]:
         """List the events after the first `index`; any thread may call it."""

@@ -8,10 +8,11 @@ from typing import Any, Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.core.facts import Part
+from agribot.core.facts import ComingAndGoing, Part
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.whole_file import write_at_once
+from agribot.record.dropout_watch import Dropouts
 
 
 class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -213,7 +214,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
 
     `interventions` are the stops, pauses and questions that only a person could end;
     `km_per_intervention` is null where there were none. The way is the true one, or on a real
-    robot the way that it believes to have driven.
+    robot the way that it believes to have driven. `dropouts` are the short silences by part, whose
+    names are those of the fact `comes_and_goes`, of this run alone.
     """
 
     stops: tuple[SafetyEvent, ...] = ()
@@ -230,6 +232,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     crushes: tuple[CrushReport, ...] = ()
     interventions: tuple[SafetyEvent, ...] = ()
     km_per_intervention: float | None = None
+    dropouts: dict[ComingAndGoing, Dropouts] = {}
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):
