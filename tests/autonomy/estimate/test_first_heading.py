@@ -10,7 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.estimate.ekf import Ekf
+from agribot.autonomy.estimate.first_heading import FirstHeading
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.motion_heading import WayPlace
+from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.geo import MapFrame
 from agribot.core.messages import Estimate, GnssFix, GnssHeading, SensorBatch
@@ -184,6 +188,33 @@ def test_a_robot_that_faces_as_marked_is_not_accused(seeds: Sequence[int]) -> No
         for errors in (RTK, M8N):
             last = estimates(without_magnetometer(straight, 12.0, seed, errors), mark(3.0))[-1]
             assert last.ok, (seed, last.reason)
+
+
+# The first 3.3 m of a drive straight ahead beside walls: time, way of the wheels, where the fixes
+# have the robot after it (ahead, to the left). They stepped while it stood, and wandered on.
+BESIDE_WALLS = (
+    (0.4, 0.0, 0.0, 0.0), (4.0, 0.17, 0.12, -0.62), (4.4, 0.31, 0.22, -0.23),
+    (4.8, 0.48, -0.27, -0.09), (5.2, 0.66, 0.12, -0.57), (5.6, 0.9, 0.36, -0.74),
+    (6.0, 1.19, 0.72, -0.38), (6.4, 1.5, 0.52, -0.98), (6.8, 1.82, 0.5, -0.89),
+    (7.2, 2.14, 0.52, -1.46), (7.6, 2.46, 0.53, -1.25), (8.0, 2.77, -0.01, -1.69),
+    (8.4, 3.09, 0.29, -1.47), (8.8, 3.25, -0.06, -1.11),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("slow_m", "is_accused"), [(1.79, False), (0.2, True)])
+def test_a_way_that_wandering_fixes_draw_across_accuses_no_mark(
+    slow_m: float, is_accused: bool
+) -> None:
+    start = StartMark(xy_map_m=None, yaw_map_rad=0.0, std_m=0.1, yaw_std_rad=math.radians(2.0))
+    ekf = Ekf([1.0] * 3, 0.0)
+    first = FirstHeading(ekf, start, set(), has_compass=False)
+    first.wait(0.0, 0.0)
+    for t_s, way_m, ahead_m, left_m in BESIDE_WALLS:
+        place = WayPlace(
+            t_s, complex(ahead_m, left_m), complex(way_m), way_m, 0.12, slow_m, slow_m * 0.2235
+        )
+        first.add_fix(place, None)
+    assert (first.misplaced is not None) == is_accused
 
 
 def test_two_antennas_know_the_heading_at_standstill() -> None:

@@ -20,6 +20,8 @@ from agribot.core.geo import wrap_rad
 
 # 1 sigma of a heading that is good enough to begin with; measurements go on to correct it.
 FIRST_STD_RAD = math.radians(10.0)
+# Factor on the sigma of a way that is not, where it contradicts a mark.
+ROUGH_RATIO = 1.5
 # Time that a compass of the robot's description has for its first samples.
 COMPASS_PATIENCE_S = 3.0
 # Largest difference of fixes and velocities on one heading, in joint sigmas.
@@ -129,9 +131,14 @@ class FirstHeading:
         return complex(math.cos(turn.rad), math.sin(turn.rad))
 
     def _hold_against_mark(self, off: Turn | None) -> None:
-        """Hold the mark against the way driven, which is in the axes of the map by now."""
+        """Hold the mark against the way driven, which is in the axes of the map by now.
+
+        Fixes that wander and step by metres may draw the first metres across the way, more often
+        than their sigma says: what is too unsure to begin with must contradict the mark clearly.
+        """
         if off is not None:
-            self.misplaced = self._start.heading_fault(off.rad, off.std_rad, "way driven")
+            doubt = 1.0 if off.std_rad <= FIRST_STD_RAD else ROUGH_RATIO
+            self.misplaced = self._start.heading_fault(off.rad, doubt * off.std_rad, "way driven")
             self._is_unconfirmed = off.std_rad > CHECK_STD_RAD
 
     @property
