@@ -13,7 +13,7 @@ from collections import deque
 import msgspec
 
 from agribot.core.facts import ComesAndGoes, ComingAndGoing
-from agribot.core.messages import WHEEL_NAMES, SensorBatch
+from agribot.core.messages import SensorBatch
 
 WITHIN_S, MANY = 600.0, 3  # window of the count, and the count that is reported
 LEAST_S, INTERVALS = 0.2, 5.0  # shortest dropout, in seconds and in usual intervals
@@ -25,6 +25,10 @@ _FIELDS: dict[str, ComingAndGoing] = {
     "gnss": "gnss", "mag": "compass", "imu": "imu", "wheels": "wheels", "frames": "camera",
     "board": "board", "contactor": "contactor",
 }  # fmt: skip
+# Wheels in the order of a sample of the encoders.
+WHEELS: tuple[ComingAndGoing, ...] = (
+    "right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F"
+)  # fmt: skip
 
 
 class Dropouts(msgspec.Struct, frozen=True, kw_only=True):
@@ -114,7 +118,7 @@ class DropoutWatch:
     def __init__(self) -> None:
         self._ticks = _Rhythm()
         self._rhythms = {field: _Rhythm() for field in _FIELDS}
-        self._encoders = [_Encoder() for _ in WHEEL_NAMES]
+        self._encoders = [_Encoder() for _ in WHEELS]
         self._angles_rad: tuple[float, ...] | None = None
         self._gaps: dict[ComingAndGoing, _Gaps] = {}
         self._begin_s: float | None = None
@@ -154,4 +158,4 @@ class DropoutWatch:
             for wheel, encoder in enumerate(self._encoders):
                 others_rad = turned_rad[:wheel] + turned_rad[wheel + 1 :]
                 gap_s = encoder.add(sample.t_s, turned_rad[wheel], others_rad)
-                self._add(WHEEL_NAMES[wheel], gap_s)
+                self._add(WHEELS[wheel], gap_s)
