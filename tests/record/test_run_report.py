@@ -66,7 +66,7 @@ CONTRACT: dict[str, Any] = {
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
         "crushed_after_fault", "person_distance_min_m", "gate", "checks",
         "stop_allowed_m", "stops_too_long", "crushes",
-        "interventions", "km_per_intervention",
+        "interventions", "km_per_intervention", "dropouts",
     ],
     "marks": None,
     "job": None,
@@ -135,7 +135,7 @@ def test_what_nobody_measured_is_null() -> None:
         "stop_distance_m_max": None, "crushed_after_fault": None,
         "person_distance_min_m": None, "gate": [], "checks": [],
         "stop_allowed_m": None, "stops_too_long": None, "crushes": [],
-        "interventions": [], "km_per_intervention": None,
+        "interventions": [], "km_per_intervention": None, "dropouts": None,
     }  # fmt: skip
 
 

@@ -232,7 +232,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     crushes: tuple[CrushReport, ...] = ()
     interventions: tuple[SafetyEvent, ...] = ()
     km_per_intervention: float | None = None
-    dropouts: dict[ComingAndGoing, Dropouts] = {}
+    dropouts: dict[ComingAndGoing, Dropouts] | None = None
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):
