@@ -1,4 +1,4 @@
-/* Where what is wired to an Arduino Mega 2560; docs/firmware.md has the same as a table.
+/* Where what is wired to an Arduino Mega 2560; docs/wiring.md has the same as a table.
  * Wheels: 0 rear right, 1 rear left, 2 front right, 3 front left.
  */
 #ifndef PINS_H
