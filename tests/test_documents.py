@@ -26,7 +26,7 @@ _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _FILE = re.compile(r"\b((?:src|tests|docs|examples|web|scripts|benchmarks)/[\w./-]*\w)")
 _MODULE = re.compile(rf"\bagribot\.(?:{TOP_PACKAGES})(?:\.\w+)+")
 _CODE = re.compile(r"`(agribot [^`]+)`")
-_FENCE = re.compile(r"^```\w*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_FENCE = re.compile(r"^```[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _PARSERS = every_parser()
 # Words of commands that are not the program's: a placeholder, and a page's own example.
 NOT_OURS = ("COMMAND", "rows", "beacons")
