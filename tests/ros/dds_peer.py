@@ -21,10 +21,12 @@ from cyclonedds.idl.types import (
     float64,
     int8,
     int32,
+    int64,
     sequence,
     uint8,
     uint16,
     uint32,
+    uint64,
 )
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -133,6 +135,23 @@ class PoseStamped(IdlStruct, typename=MSG.format("geometry_msgs", "PoseStamped")
 
 @final
 @dataclass
+class PauseRequest(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Request_"):
+    client: uint64
+    number: int64
+    data: bool
+
+
+@final
+@dataclass
+class PauseResponse(IdlStruct, typename="std_srvs::srv::dds_::SetBool_Response_"):
+    client: uint64
+    number: int64
+    success: bool
+    message: str
+
+
+@final
+@dataclass
 class Gid(IdlStruct, typename=MSG.format("rmw_dds_common", "Gid")):
     data: array[uint8, 16]
 
@@ -179,6 +198,8 @@ class Peer:
         self.cmd_vel = DataWriter(self.participant, twist, qos=VOLATILE)
         self.commands = self.writer("rt/agribot/command", String)
         self.goals = self.writer("rt/goal_pose", PoseStamped)
+        self.pauses = self.writer("rq/agribot/pauseRequest", PauseRequest)
+        self.paused = self.reader("rr/agribot/pauseReply", PauseResponse, VOLATILE)
         self.publications: Any = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
         self.seen: dict[str, str] = {}
 
@@ -232,6 +253,15 @@ class Peer:
         pose = Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 0.0))
         self.goals.write(PoseStamped(Header(Time(0, 0), frame), pose))
         return len(self.goals.get_matched_subscriptions())
+
+    def pauses_are_heard(self) -> int:
+        return len(self.pauses.get_matched_subscriptions())
+
+    def pause(self, client: int, number: int) -> None:
+        self.pauses.write(PauseRequest(client, number, True))
+
+    def answers(self) -> list[Any]:
+        return [[a.client, a.number, a.success, a.message] for a in self.paused.take(10)]
 
 
 def main() -> None:

@@ -233,6 +233,14 @@ struct Peer {
     return std::to_string(matched.current_count);
   }
 
+  // A client of a service begins with the writer of its requests.
+  std::string client() {
+    auto* made = topic("rq/agribot/pauseRequest", "std_srvs::srv::dds_::SetBool_Request_");
+    participant->create_publisher(PUBLISHER_QOS_DEFAULT)
+        ->create_datawriter(made, qos_of<DataWriterQos>(DATAWRITER_QOS_DEFAULT, false));
+    return "null";
+  }
+
   std::string answer(const std::string& line) {
     double v_mps = 0.0, yaw_rate_radps = 0.0;
     if (std::sscanf(line.c_str(), "[\"twist\", %lf, %lf]", &v_mps, &yaw_rate_radps) == 2) {
@@ -243,6 +251,7 @@ struct Peer {
     if (line == "[\"descriptions\"]") return descriptions();
     if (line == "[\"node_names\"]") return node_names();
     if (line == "[\"hashes\"]") return hashes();
+    if (line == "[\"client\"]") return client();
     return "null";
   }
 };

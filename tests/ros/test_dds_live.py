@@ -23,7 +23,7 @@ from agribot.ros.dds.gateway import DdsGateway
 from agribot.ros.dds.types import load_dds_types, make_dds_type
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.dds_names import to_dds_name
-from agribot.ros.requests import Requests
+from agribot.ros.requests import SERVICES, Requests
 from tests import machine, nightly
 from tests.ros.live import Talk, first, peer, program
 from tests.waiting import wait_for
@@ -31,6 +31,10 @@ from tests.waiting import wait_for
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type and topic is not topics.CMD_VEL]
+ACTIONS = 2
+# Services: commands, pause, pose and route; six of the parameters, and three of each action.
+SERVED = len(SERVICES) + 3 + 6 + 3 * ACTIONS
+ABOUT_GOALS = 2 * ACTIONS  # topics
 GOLDEN = Path(__file__).parents[1] / "golden" / "ros2-jazzy-rihs01.json"
 
 
@@ -93,7 +97,8 @@ def test_a_late_peer_gets_the_description_and_sees_the_node(live: tuple[Robot, T
     def is_known() -> bool:
         nodes.extend(talk("node_names"))
         published = sum(len(topic.names) for topic in OUT)
-        return ["agribot", 1 + len(INBOUND_TOPICS), published] in nodes
+        readers, writers = 1 + len(INBOUND_TOPICS) + SERVED, published + SERVED + ABOUT_GOALS
+        return ["agribot", readers, writers] in nodes
 
     wait_for(is_known, "the node with all its endpoints")
 
@@ -175,6 +180,34 @@ def test_commands_and_goals_of_a_peer_reach_the_inbox() -> None:
             return any(refusal in text for text in robot.said)
 
         wait_for(is_refused, "the refusal")
+
+
+def test_a_client_knows_the_answer_to_its_request_by_its_marks() -> None:
+    """As rmw_cyclonedds carries them, one answer for each request."""
+    domain = 100 + os.getpid() % 20
+    client = 2**63 + 5
+    with closing(Robot(domain)) as robot, peer("dds_peer.py", str(domain)) as talk:
+        wait_for(lambda: talk("pauses_are_heard"), "the service")
+        talk("pause", client, 7)
+        talk("pause", client, 8)
+        answers = []
+        wait_for(lambda: len(answers.extend(talk("answers")) or answers) > 1, "the answers")
+        handed = [True, "'pause' handed to the robot"]
+        assert answers == [[client, 7, *handed], [client, 8, *handed]]
+        events, _ = robot.inbox.drain(1.0)
+        assert [event.request.word for event in events] == ["pause", "pause"]
+
+
+@nightly.by_day("test_a_client_knows_the_answer_to_its_request_by_its_marks")
+def test_a_client_on_fast_dds_is_named_as_one_that_waits_in_vain(fastdds_peer: str) -> None:
+    domain = 100 + os.getpid() % 20
+    with closing(Robot(domain)) as robot, program(fastdds_peer, str(domain), "localhost") as talk:
+        talk("client")
+        wait_for(lambda: robot.said, "the report")
+        assert robot.said == [
+            "DDS: a client of /agribot/pause is on Fast DDS, which carries requests otherwise, and "
+            "gets no answer; set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp there"
+        ]
 
 
 def test_types_are_described_as_ros_describes_them() -> None:

@@ -202,6 +202,7 @@ def open_noise(
         is_open=is_open,
         ros1=(read_master(options), read_namespace(options)) if options.ros1 else None,
         ros2=(read_domain(options), read_router(options)) if options.ros2 else None,
+        dds=read_domain(options) if options.dds else None,
     )
 
 
@@ -335,10 +336,12 @@ def _open_dds(
     from agribot.ros.dds.gateway import DdsGateway
 
     domain = read_domain(options)
-    gateway = DdsGateway(requests, out, domain=domain, serves=settings is not None)
+    gateway = DdsGateway(
+        requests, out, domain=domain, serves=settings is not None, settings=settings
+    )
     print_line(
         f"DDS: node /agribot in domain {domain}, on this machine, where peers set "
-        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; topics only"
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; services answer rmw_cyclonedds_cpp"
     )
     return gateway
 

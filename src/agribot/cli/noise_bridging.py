@@ -17,15 +17,17 @@ def open_noise_servers(
     is_open: bool,
     ros1: tuple[str, str] | None,
     ros2: tuple[int, str] | None,
+    dds: int | None,
 ) -> list[Gateway]:
-    """Open a server at the master and in the namespace of ROS 1, and in domain and router of ROS 2.
+    """Open a server in each network that is given.
 
-    Only where `is_open` may peers change anything. Raises: BridgeError: a peer is missing.
+    That is the master and the namespace of ROS 1, domain and router of ROS 2, and the domain of
+    DDS. Only where `is_open` may peers change anything. Raises: BridgeError: a peer is missing.
     """
     from agribot.ros.sensor_noise import NODE, SensorNoise
 
     servers: list[Gateway] = []
-    if ros1 is None and ros2 is None:
+    if ros1 is None and ros2 is None and dds is None:
         return servers
     noise = SensorNoise(simulator, is_open=is_open, report=report)
     try:
@@ -34,6 +36,10 @@ def open_noise_servers(
 
             domain, router = ros2
             servers.append(Ros2NoiseServer(noise, report, domain=domain, router=router))
+        if dds is not None:
+            from agribot.ros.dds.noise_server import DdsNoiseServer
+
+            servers.append(DdsNoiseServer(noise, report, dds))
         if ros1 is not None:
             from agribot.ros.ros1.noise_server import Ros1NoiseServer
 

@@ -34,6 +34,6 @@ COMMAND = Topic(
     name="/agribot/command",
     ros_type="std_msgs/msg/String",
     direction="in",
-    about="the last part of a service's name, such as stop; for networks without services",
+    about="the last part of a service's name, such as stop; for clients without services",
 )
 INBOUND_TOPICS: tuple[Topic, ...] = (GOAL_POSE, INITIAL_POSE, CLICKED_POINT, VISIT, COMMAND)

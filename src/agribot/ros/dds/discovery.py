@@ -17,7 +17,6 @@ from agribot.ros.messages.dds_names import from_dds_name
 _MOST_ENDPOINTS = 4000
 _ALIVE = 16  # state of an instance that lives
 _TOPIC = "rt/"  # prefix of a topic's name; services have others
-_HASH = "typehash="
 
 
 class DdsEndpoint(NamedTuple):
@@ -77,7 +76,7 @@ class Discovery:
                 node=self._name(one),
                 name=one.topic_name.removeprefix("rt"),
                 ros_type=from_dds_name(one.type_name),
-                type_hash=_read_hash(one.qos),
+                type_hash=read_user_data(one.qos, "typehash"),
                 qos=_read_qos(one.qos),
             )
             for one in found
@@ -114,12 +113,13 @@ def _decode_nodes(data: bytes) -> Any:
         raise BridgeError(f"{len(data)} bytes are no {NODES.ros_type}") from error
 
 
-def _read_hash(qos: Any) -> str:
+def read_user_data(qos: Any, key: str) -> str:
+    """Read the value of a key from the user data of an endpoint; "" if it lacks the key."""
     from cyclonedds.qos import Policy
 
     user = qos[Policy.Userdata].data.decode(errors="replace") if Policy.Userdata in qos else ""
-    said = (part for part in user.split(";") if part.startswith(_HASH))
-    return next(said, "").removeprefix(_HASH)
+    pairs = (part.partition("=") for part in str(user).split(";"))
+    return next((value for name, _, value in pairs if name == key), "")
 
 
 def _read_qos(qos: Any) -> Qos:

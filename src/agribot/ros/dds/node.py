@@ -9,7 +9,7 @@ import functools
 import os
 from collections.abc import Callable
 from importlib import metadata
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -18,7 +18,7 @@ from rosbags.typesys.store import Typestore
 from agribot.core.errors import BridgeError
 from agribot.core.extras import format_install
 from agribot.core.topics import LATCHED, Qos, Topic
-from agribot.ros.dds.types import load_dds_types, make_dds_type
+from agribot.ros.dds.types import load_dds_types, make_dds_service_type, make_dds_type
 
 NODES = Topic(
     name="ros_discovery_info",
@@ -41,6 +41,20 @@ _LOCAL = """<CycloneDDS><Domain><General>
 <Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 # Setting from version 11 on.
 _KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
+
+
+class Origin(NamedTuple):
+    """Where a message came from: a writer, by its handle at the reader."""
+
+    reader: Any
+    handle: int
+
+    def find_writer(self) -> Any:
+        """Find what is known of the writer; None if it is gone."""
+        return self.reader.get_matched_publication_data(self.handle)
+
+
+OnSample = Callable[[bytes, Origin], None]  # with CDR
 
 
 class DdsNode:
@@ -88,9 +102,36 @@ class DdsNode:
 
         `types` has the topic's type where the default types have not.
         """
-        writer = self._create_writer(topic, f"rt{topic.name}", types)
+        writer = self.open_writer(topic, f"rt{topic.name}", types)
+        return lambda data: write(writer, data)
+
+    def open_writer(
+        self, topic: Topic, name: str, types: Typestore | None = None, user: str = ""
+    ) -> Any:
+        """Open a writer for `write`; its `name` is that of DDS.
+
+        `user` is the user data of a service's endpoint; empty for a topic.
+        """
+        writer = self._create_writer(topic, name, types, user)
         self._writers.append(writer.guid.bytes)
-        return lambda data: _write(writer, data)
+        return writer
+
+    def open_reader(
+        self,
+        topic: Topic,
+        name: str,
+        on_sample: OnSample,
+        types: Typestore,
+        user: str,
+        on_writer: Callable[[Origin], None] | None = None,
+    ) -> None:
+        """Open the reader of a service, as `open_writer` its writer.
+
+        `on_writer` is called with each writer that is found.
+        """
+        qos = _make_qos(topic, types, user)
+        reader, *_ = self._create_reader(topic, name, on_sample, types, qos, user, on_writer)
+        self._readers.append(reader.guid.bytes)
 
     def subscribe(
         self, topic: Topic, on_message: Callable[[bytes], None], types: Typestore | None = None
@@ -104,7 +145,9 @@ class DdsNode:
 
         own = Policy.IgnoreLocal.Participant
         qos = DdsQos(own, base=_make_qos(topic, types))
-        made = self._create_reader(topic, f"rt{topic.name}", on_message, types, qos)
+        made = self._create_reader(
+            topic, f"rt{topic.name}", lambda data, _origin: on_message(data), types, qos
+        )
         guid = made[0].guid.bytes
         self._readers.append(guid)
 
@@ -129,15 +172,17 @@ class DdsNode:
 
         topic = msgspec.structs.replace(NODES, qos=Qos(latched=True, depth=_MOST_PARTICIPANTS))
         qos = _make_qos(topic, None) + DdsQos(Policy.IgnoreLocal.Process)
-        self._create_reader(topic, topic.name, on_message, None, qos)
+        self._create_reader(topic, topic.name, lambda data, _origin: on_message(data), None, qos)
 
     def _create_reader(
         self,
         topic: Topic,
         name: str,
-        on_message: Callable[[bytes], None],
+        on_sample: OnSample,
         types: Typestore | None,
         qos: Any,
+        user: str = "",
+        on_writer: Callable[[Origin], None] | None = None,
     ) -> list[Any]:
         """Create a reader; it lives as long as the list of it and its parts."""
         from cyclonedds.core import Listener
@@ -147,11 +192,15 @@ class DdsNode:
             def on_data_available(self, reader: Any) -> None:
                 if reader is None:  # it is being closed
                     return
-                for data in _take(reader):
-                    on_message(data)
+                for data, handle in _take(reader):
+                    on_sample(data, Origin(reader, handle))
+
+            def on_subscription_matched(self, reader: Any, status: Any) -> None:
+                if reader is not None and on_writer and status.current_count_change > 0:
+                    on_writer(Origin(reader, status.last_publication_handle))
 
         listener = MessageListener()  # type: ignore[no-untyped-call]
-        made = self._create_topic(topic, name, types)
+        made = self._create_topic(topic, name, types, user)
         reader = [DataReader(self._subscriber, made, qos, listener), listener, made]
         self._kept.append(reader)
         return reader
@@ -166,7 +215,7 @@ class DdsNode:
             [_make_gid(guid) for guid in self._writers],
         )
         info = make[NODES.ros_type](_make_gid(self._participant.guid.bytes), [node])
-        _write(self._discovery, bytes(load_dds_types().serialize_cdr(info, NODES.ros_type)))
+        write(self._discovery, bytes(load_dds_types().serialize_cdr(info, NODES.ros_type)))
 
     def close(self) -> None:
         """Drop all entities, which removes them from the domain."""
@@ -174,18 +223,21 @@ class DdsNode:
         self._discovery = self._publisher = self._subscriber = self._participant = None
         self._domain = None
 
-    def _create_writer(self, topic: Topic, name: str, types: Typestore | None = None) -> Any:
+    def _create_writer(
+        self, topic: Topic, name: str, types: Typestore | None = None, user: str = ""
+    ) -> Any:
         from cyclonedds.pub import DataWriter
 
-        made = self._create_topic(topic, name, types)
-        writer = DataWriter(self._publisher, made, _make_qos(topic, types))
+        made = self._create_topic(topic, name, types, user)
+        writer = DataWriter(self._publisher, made, _make_qos(topic, types, user))
         self._kept.append([writer, made])
         return writer
 
-    def _create_topic(self, topic: Topic, name: str, types: Typestore | None) -> Any:
+    def _create_topic(self, topic: Topic, name: str, types: Typestore | None, user: str) -> Any:
         from cyclonedds.topic import Topic as DdsTopic
 
-        described = make_dds_type(topic.ros_type, types or load_dds_types())
+        make = make_dds_service_type if user else make_dds_type
+        described = make(topic.ros_type, types or load_dds_types())
         return DdsTopic(self._participant, name, described)
 
 
@@ -202,7 +254,7 @@ def _join_domain(make: Any, domain: int) -> Any:
         return None
 
 
-def _make_qos(topic: Topic, types: Typestore | None) -> Any:
+def _make_qos(topic: Topic, types: Typestore | None, user: str = "") -> Any:
     from cyclonedds.qos import Policy
     from cyclonedds.qos import Qos as DdsQos
     from cyclonedds.util import duration
@@ -215,28 +267,35 @@ def _make_qos(topic: Topic, types: Typestore | None) -> Any:
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(qos.depth),
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
-        Policy.Userdata(f"typehash={type_hash};".encode()),
+        Policy.Userdata(f"{user}typehash={type_hash};".encode()),
     )
 
 
-def _write(writer: Any, data: bytes) -> None:
+def write(writer: Any, data: bytes) -> None:
+    """Write a message in CDR.
+
+    Raises: BridgeError: the writer is gone.
+    """
     from cyclonedds._clayer import ddspy_write
 
     if ddspy_write(writer._ref, data) < 0:
         raise BridgeError("DDS: cannot send; was the participant closed?")
 
 
-def _take(reader: Any) -> list[bytes]:
-    """Take all messages as bytes: the package's own decoder is 500 times slower."""
+def _take(reader: Any) -> list[tuple[bytes, int]]:
+    """Take all messages as bytes, each with the handle of its writer.
+
+    The package's own decoder is 500 times slower.
+    """
     from cyclonedds._clayer import ddspy_take
 
     mask = (_ANY_STATE,) if _read_major_version() >= 11 else ()
-    taken: list[bytes] = []
+    taken: list[tuple[bytes, int]] = []
     while True:
         samples = ddspy_take(reader._ref, *mask, _TAKEN_AT_ONCE)
         if not isinstance(samples, list) or not samples:
             return taken
-        taken += [data for data, info in samples if info.valid_data]
+        taken += [(data, info.publication_handle) for data, info in samples if info.valid_data]
 
 
 @functools.cache  # asked for every message that arrives

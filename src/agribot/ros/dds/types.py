@@ -27,11 +27,23 @@ def load_dds_types() -> Typestore:
 @functools.cache
 def make_dds_type(ros_type: str, store: Typestore) -> Any:
     """Make the description of a type of `store`; messages are written and read as bytes."""
+    return _make_struct(ros_type, store, {})
+
+
+@functools.cache
+def make_dds_service_type(ros_type: str, store: Typestore) -> Any:
+    """Make the description of a request or a response, which begins with the client's marks."""
+    from cyclonedds.idl import types
+
+    return _make_struct(ros_type, store, {"client": types.uint64, "number": types.int64})
+
+
+def _make_struct(ros_type: str, store: Typestore, first: dict[str, Any]) -> Any:
     from cyclonedds.idl import make_idl_struct, types
     from cyclonedds.idl.annotations import final
 
     _, fields = store.fielddefs[ros_type]
-    members = {name: _make_member(kind, store) for name, kind in fields}
+    members = first | {name: _make_member(kind, store) for name, kind in fields}
     members = members or {PLACEHOLDER: types.uint8}
     struct: Any = make_idl_struct(f"{ros_type.rpartition('/')[2]}_", to_dds_name(ros_type), members)
     return final(struct)

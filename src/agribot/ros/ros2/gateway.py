@@ -20,6 +20,7 @@ from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import ROUTER, Ros2Node
 from agribot.ros.ros2.parameters import Value
 from agribot.ros.ros2.robot_server import Ros2RobotServer
+from agribot.ros.ros2.service_server import ServiceServer
 
 if TYPE_CHECKING:
     import zenoh
@@ -57,9 +58,10 @@ class Ros2Gateway:
         self._watch_publishers()
         if requests.allow_drive:
             self._subscribe_to_twists()
-        self._robot = (
-            Ros2RobotServer(self._node, NODE, requests, settings or {}) if serves else None
-        )
+        self._robot: Ros2RobotServer | None = None
+        if serves:
+            server = ServiceServer(self._node, requests.refuse)
+            self._robot = Ros2RobotServer(server, NODE, requests, settings or {})
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
         if self._requests.frames is not None:

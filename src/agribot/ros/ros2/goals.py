@@ -20,14 +20,13 @@ from agribot.ros.frames import PeerFrames
 from agribot.ros.goals import GoalBook, GoalState, PeerGoal, find_places
 from agribot.ros.messages.rosmsg import make_pose_stamped
 from agribot.ros.requests import Requests
-from agribot.ros.ros2.node import Ros2Node
-from agribot.ros.ros2.service_server import Reply, ServiceServer
 from agribot.ros.ros2.services import (
     NAVIGATE,
     NAVIGATE_RESULTS,
     NAVIGATE_TO_POSE,
     load_service_types,
 )
+from agribot.ros.ros2.serving import Reply, ServingNode
 
 FEEDBACK_PERIOD_S = 0.5
 # action_msgs/GoalStatus and the return codes of CancelGoal
@@ -66,19 +65,19 @@ THROUGH_POSES = NavigationAction("/navigate_through_poses", NAVIGATE, is_visit=T
 
 
 class GoalServer:
-    """Serves an action: requests in zenoh's threads, `step` in the publisher's, with a lock."""
+    """Serves an action: requests in the network's threads, `step` in the publisher's."""
 
-    def __init__(self, node: Ros2Node, requests: Requests, action: NavigationAction) -> None:
-        self._action, self._types = action, load_service_types()
+    def __init__(self, node: ServingNode, requests: Requests, action: NavigationAction) -> None:
+        self._action, self._types, self._source = action, load_service_types(), node.source
         self._frames = requests.frames or PeerFrames()
         self.goals = GoalBook(requests, self._on_change)
         self._waiting: dict[str, list[tuple[Reply, str]]] = {}  # for results, by goal
         self._next_feedback_s = 0.0
         self._feedback = node.create_publisher(action.feedback, self._types)
         self._status = node.create_publisher(action.status)
-        self._serve(ServiceServer(node, requests.refuse))
+        self._serve(node)
 
-    def _serve(self, server: ServiceServer) -> None:
+    def _serve(self, server: ServingNode) -> None:
         name, ros_type = self._action.name, self._action.ros_type
         server.serve(
             self._types, f"{name}/_action/send_goal", f"{ros_type}_SendGoal", self._on_send_goal
@@ -89,7 +88,7 @@ class GoalServer:
             "action_msgs/srv/CancelGoal",
             self._on_cancel,
         )
-        for result in NAVIGATE_RESULTS:
+        for result in NAVIGATE_RESULTS if server.distinguishes_forms else NAVIGATE_RESULTS[:1]:
             server.serve(
                 load_service_types(result),
                 f"{name}/_action/get_result",
@@ -134,7 +133,7 @@ class GoalServer:
             name=request.goal_id.uuid.tobytes().hex(),
             places=(),
             is_visit=self._action.is_visit,
-            source="ROS 2",
+            source=self._source,
         )
         with self.goals.lock:
             try:
@@ -159,7 +158,7 @@ class GoalServer:
             named = [g for g in self.goals.goals.values() if wanted in {bytes(16), _find_id(g)}]
             running = [goal for goal in named if not goal.is_over]
             for goal in running:
-                self.goals.cancel(goal, "ROS 2")
+                self.goals.cancel(goal, self._source)
             code = _ERROR_NONE
             if not running and wanted != bytes(16):
                 code = _ERROR_TERMINATED if named else _ERROR_UNKNOWN_GOAL

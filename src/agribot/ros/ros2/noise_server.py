@@ -9,6 +9,7 @@ from agribot.core.topics import Topic
 from agribot.ros.ros2.node import ROUTER, Ros2Node
 from agribot.ros.ros2.parameters import ParameterServer
 from agribot.ros.ros2.service_server import ServiceServer
+from agribot.ros.ros2.serving import ServingNode
 from agribot.ros.sensor_noise import NODE, PARAMETERS, SensorNoise, describe
 from agribot.sim.sensors.tuning import SENSORS, find_range
 
@@ -28,23 +29,7 @@ class Ros2NoiseServer:
         router: str = ROUTER,
     ) -> None:
         self._node = Ros2Node(NODE, domain, router, listen=True)
-        self._noise = noise
-        keys = {f"{sensor}.{name}": (sensor, name) for sensor in SENSORS for name in PARAMETERS}
-        self._keys = keys
-        self._server = ParameterServer(
-            ServiceServer(self._node, refuse),
-            NODE,
-            {"use_sim_time": True}
-            | {key: noise.read(sensor)[name] for key, (sensor, name) in keys.items()},
-            frozenset(keys),
-            self._change,
-            about={key: describe(*at) for key, at in keys.items()},
-            ranges={key: find_range(*at) for key, at in keys.items()},
-        )
-        noise.listen(lambda sensor, name, value: self._server.update(f"{sensor}.{name}", value))
-
-    def _change(self, key: str, value: float) -> str:
-        return self._noise.change(*self._keys[key], value, "ROS 2")
+        serve_noise(ServiceServer(self._node, refuse), noise)
 
     def publish(self, topic: Topic, data: bytes, t_ns: int) -> None:
         """Publish nothing: sensors are the gateway's."""
@@ -54,3 +39,23 @@ class Ros2NoiseServer:
 
     def close(self) -> None:
         self._node.close()
+
+
+def serve_noise(node: ServingNode, noise: SensorNoise) -> None:
+    """Serve the noise as parameters, and follow what others change."""
+    keys = {f"{sensor}.{name}": (sensor, name) for sensor in SENSORS for name in PARAMETERS}
+
+    def change(key: str, value: float) -> str:
+        return noise.change(*keys[key], value, node.source)
+
+    server = ParameterServer(
+        node,
+        NODE,
+        {"use_sim_time": True}
+        | {key: noise.read(sensor)[name] for key, (sensor, name) in keys.items()},
+        frozenset(keys),
+        change,
+        about={key: describe(*at) for key, at in keys.items()},
+        ranges={key: find_range(*at) for key, at in keys.items()},
+    )
+    noise.listen(lambda sensor, name, value: server.update(f"{sensor}.{name}", value))

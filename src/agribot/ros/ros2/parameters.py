@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agribot.ros.ros2.service_server import Reply, ServiceServer
 from agribot.ros.ros2.services import load_service_types
+from agribot.ros.ros2.serving import Reply, ServingNode
 
 Value = bool | int | float | str | tuple[float, ...]
 Change = Callable[[str, float], str]  # name and value; why not, or empty
@@ -25,7 +25,7 @@ class ParameterServer:
 
     def __init__(
         self,
-        server: ServiceServer,
+        server: ServingNode,
         node: str,
         values: Mapping[str, Value],
         changeable: frozenset[str],
