@@ -11,7 +11,8 @@ pytest.importorskip("starlette")
 from ruamel.yaml import YAML
 
 from agribot.ui.server.answers import Unusable
-from agribot.ui.server.mapviz_config import TABLE, config_of, displays_of
+from agribot.ui.server.mapviz_config import config_of, displays_of
+from agribot.ui.server.mapviz_table import TABLE
 
 FARM = (Path(__file__).parent / "data" / "farm.mvc").read_bytes()
 

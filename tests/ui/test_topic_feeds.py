@@ -13,6 +13,7 @@ from rosbags.rosbag1 import Writer
 from agribot.core.errors import BridgeError
 from agribot.core.geo import transform
 from agribot.record.bag.definitions import deserialize, ros1_store
+from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph, GraphTopic
 from agribot.ros.topic_network import OnBytes
 from agribot.ui import wire
@@ -61,6 +62,9 @@ class Network:
     def take_texts(self, name: str, on_bytes: OnBytes) -> OpenTopic:
         self.listeners[name] = on_bytes
         return OpenTopic(self, name)
+
+    def serve_displays(self, take: TakeDisplay) -> None:
+        """No program asks here."""
 
     def close(self) -> None:
         self.listeners.clear()

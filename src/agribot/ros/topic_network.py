@@ -8,6 +8,7 @@ from typing import Protocol
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
+from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph
 
 OnBytes = Callable[[str, bytes], None]  # a message's type and bytes, in a thread of the network
@@ -40,6 +41,13 @@ class TopicNetwork(Protocol):
 
     def take_texts(self, name: str, on_bytes: OnBytes) -> OpenTopic:
         """Hear a topic of std_msgs/String, and announce that we do.
+
+        Raises: BridgeError: the network cannot be reached.
+        """
+        ...
+
+    def serve_displays(self, take: TakeDisplay) -> None:
+        """Serve AddMapvizDisplay until the network is closed.
 
         Raises: BridgeError: the network cannot be reached.
         """

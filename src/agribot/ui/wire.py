@@ -1028,7 +1028,7 @@ class OutsideLayer(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """A layer that a program outside of the robot gives: its data, or the topic that it shows.
 
     `data` is GeoJSON, or for another `type` of display a ROS message as a dict. `draw_order` 0 is
-    the top. `name` may be left out where the address has it.
+    the top, -1 the lowest. `name` may be left out where the address has it.
     """
 
     name: str = ""

@@ -79,7 +79,8 @@ export class Displays {
     )
     if (!display || (panel.visible === undefined && panel.draw_order === undefined)) return
     display.visible = panel.visible ?? true
-    if (panel.draw_order !== undefined) this.host.moveGroup(display, panel.draw_order)
+    const order = panel.draw_order
+    if (order !== undefined) this.host.moveGroup(display, order < 0 ? this.host.groups.length + order : order)
     this.host.applyGroup(display)
   }
 

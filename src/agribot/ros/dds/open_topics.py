@@ -11,7 +11,10 @@ from rosbags.typesys.store import Typestore
 from agribot.core.topics import STREAM, Qos, Topic
 from agribot.ros.dds.discovery import Discovery
 from agribot.ros.dds.node import DdsNode
+from agribot.ros.dds.service_server import DdsServiceServer
+from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph
+from agribot.ros.ros2.display_service import serve_displays
 from agribot.ros.topic_network import OnBytes, check_definition
 
 _LOOK_S = 0.1
@@ -30,6 +33,7 @@ class DdsTopics:
     def __init__(self, name: str, domain: int, types: Callable[[], Typestore]) -> None:
         self._name, self._domain, self._types = f"{name}_{os.getpid()}", domain, types
         self._joined: tuple[DdsNode, Discovery] | None = None
+        self._server: DdsServiceServer | None = None
 
     def read_graph(self) -> Graph:
         return self._join()[1].read_graph()
@@ -51,7 +55,16 @@ class DdsTopics:
         topic = Topic(name=name, ros_type="std_msgs/msg/String", qos=STREAM)
         return self._hear(self._join()[0], topic, on_bytes)
 
+    def serve_displays(self, take: TakeDisplay) -> None:
+        node, _ = self._join()
+        self._server = DdsServiceServer(node, lambda _text: None)
+        serve_displays(self._server, take)
+        node.announce()
+
     def close(self) -> None:
+        if self._server is not None:
+            self._server.close()
+            self._server = None
         if self._joined is not None:
             node, _ = self._joined
             self._joined = None

@@ -25,6 +25,7 @@ _MESSAGES = {
     "header": "std_msgs/msg/Header",
     "waypoints": "geometry_msgs/msg/Pose",
     "route": "marti_nav_msgs/msg/Route",
+    "properties": "marti_common_msgs/msg/KeyValue",
 }
 
 
@@ -35,7 +36,7 @@ class PlanRouteType(ServiceType):
 
     @property
     def md5(self) -> str:
-        texts = ("\n".join(map(_sum_line, part.splitlines())) for part in _TEXTS.values())
+        texts = ("\n".join(map(sum_line, part.splitlines())) for part in _TEXTS.values())
         return hashlib.md5("".join(texts).encode(), usedforsecurity=False).hexdigest()
 
 
@@ -73,7 +74,8 @@ def _load_types() -> Typestore:
     return store
 
 
-def _sum_line(line: str) -> str:
+def sum_line(line: str) -> str:
+    """Give the line as it counts in a sum, with the sum of a message in place of its type."""
     name = line.split()[1]
     if name not in _MESSAGES:
         return line

@@ -8,10 +8,13 @@ from collections.abc import Callable
 from rosbags.typesys.store import Typestore
 
 from agribot.core.topics import STREAM, Topic
+from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.connection import NO_HASH
+from agribot.ros.ros2.display_service import serve_displays
 from agribot.ros.ros2.node import Ros2Node
+from agribot.ros.ros2.service_server import ServiceServer
 from agribot.ros.ros2.system_state import read_graph
 from agribot.ros.topic_network import OnBytes, check_definition
 
@@ -49,6 +52,9 @@ class Ros2Topics:
         node = self._join()
         node.subscribe(topic, lambda data: on_bytes(topic.ros_type, data), topic.qos)
         return Ros2Topic(lambda: None)  # it ends with the node
+
+    def serve_displays(self, take: TakeDisplay) -> None:
+        serve_displays(ServiceServer(self._join(), lambda _text: None), take)
 
     def close(self) -> None:
         if self._node is not None:

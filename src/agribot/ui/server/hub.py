@@ -22,11 +22,13 @@ from agribot.core.messages import (
     StopFor,
     Who,
 )
+from agribot.ros.display_requests import DisplayRequest
 from agribot.ros.messages.shown_types import SHOWN_DISPLAYS
 from agribot.ui import wire
 from agribot.ui.about import About
 from agribot.ui.server.access import Access, Role
 from agribot.ui.server.channel import Channel
+from agribot.ui.server.mapviz_layers import make_layer
 from agribot.ui.server.outside_layers import BadLayer, OutsideLayers
 from agribot.ui.server.replay import Replay
 from agribot.ui.server.replays import MAX_REPLAYS, Replays
@@ -206,6 +208,19 @@ class Hub:
             self.note(who, self.layers.obey(text))
         except BadLayer as error:
             self.note(who, f"layer refused: {error}", "refusal")
+
+    def take_display(self, network: str, request: DisplayRequest) -> tuple[bool, str]:
+        """Add a display as mapviz does; return whether it is there, and what became of it."""
+        who = Who(TITLES[network], AskerKind.ROS)
+        try:
+            layer, odd = make_layer(network, request, self.layers.find_order(request.name))
+            self.layers.set(layer)
+        except BadLayer as error:
+            self.note(who, f"display refused: {error}", "refusal")
+            return False, str(error)
+        text = f"display '{layer.name}' set{odd}"
+        self.note(who, text)
+        return True, text
 
     def tell_all(self, message: wire.ServerMessage) -> None:
         for socket in self.sockets:

@@ -82,6 +82,11 @@ class OutsideLayers:
         self.set(wire.OutsideLayer(**fields))
         return f"layer '{order.name}' set"
 
+    def find_order(self, name: str) -> int | None:
+        """Find the draw order of a layer; None where it is new or has none."""
+        layer, _ = self._layers.get(name.strip(), (None, b""))
+        return layer.draw_order if layer else None
+
     def names(self) -> list[str]:
         return sorted(self._layers)
 

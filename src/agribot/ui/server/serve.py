@@ -19,6 +19,7 @@ from typing import Any
 import uvicorn
 
 from agribot.core.signals import ignore_interrupts
+from agribot.ros.display_requests import DisplayRequest, OnOutcome, TakeDisplay
 from agribot.ui import wire
 from agribot.ui.about import About
 from agribot.ui.server.app import build_app
@@ -186,6 +187,8 @@ async def _keep_topics(hub: Hub) -> None:
         for network in hub.about.ros.layers_from:
             take = _make_taker(hub, loop, network)
             await run_in_thread(hub.find_topics().take_layers, network, take)
+            serve = _make_display_taker(hub, loop, network)
+            await run_in_thread(hub.find_topics().serve_displays, network, serve)
         if hub.topics is not None:
             await run_in_thread(hub.topics.close_idle)
         await asyncio.sleep(LEAVE_S)
@@ -197,6 +200,16 @@ def _make_taker(hub: Hub, loop: asyncio.AbstractEventLoop, network: str) -> Call
     def take(text: str) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended
             loop.call_soon_threadsafe(hub.take_layer, network, text)
+
+    return take
+
+
+def _make_display_taker(hub: Hub, loop: asyncio.AbstractEventLoop, network: str) -> TakeDisplay:
+    """Make what a thread of a network calls with each display for the loop."""
+
+    def take(request: DisplayRequest, on_outcome: OnOutcome) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(lambda: on_outcome(*hub.take_display(network, request)))
 
     return take
 

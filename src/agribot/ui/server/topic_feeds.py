@@ -13,6 +13,7 @@ import msgspec
 
 from agribot.core.errors import BridgeError
 from agribot.core.messages import FloatArray
+from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph
 from agribot.ros.messages.frame_tree import FrameTree
 from agribot.ros.messages.shown_messages import FramePlaces, UnknownFrame
@@ -62,6 +63,7 @@ class TopicFeeds:
         self._next_transforms_s = -math.inf
         self._feeds: dict[str, _Feed] = {}
         self._texts: OpenTopic | None = None
+        self._serves_displays = False
         self._graph = Graph(network="")
         self._listed_s: float | None = None
 
@@ -129,6 +131,16 @@ class TopicFeeds:
             if self._texts is None:
                 self._texts = self._network.take_texts(name, on_bytes)
 
+    def serve_displays(self, take: TakeDisplay) -> None:
+        """Serve the service for displays from now on; once more is no more than once.
+
+        Raises: BridgeError: the network cannot be reached.
+        """
+        with self._lock:
+            if not self._serves_displays:
+                self._network.serve_displays(take)
+                self._serves_displays = True
+
     def close_idle(self) -> None:
         """Leave the topics that no page shows; without any, leave the network."""
         with self._lock:
@@ -138,7 +150,7 @@ class TopicFeeds:
                     del self._feeds[name]
                     feed.close()
             is_listed = self._listed_s is not None and now_s - self._listed_s < IDLE_S
-            if not (self._feeds or is_listed or self._texts):
+            if not (self._feeds or is_listed or self._texts or self._serves_displays):
                 self._leave()
 
     def close(self) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from agribot.core.errors import AgribotError, BridgeError
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
+from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph
 from agribot.ui import wire
 from agribot.ui.about import About, RosPlaces
@@ -85,6 +86,11 @@ class TopicSources:
         """Give `take` what programs say on the topic for layers; a network may come later."""
         with contextlib.suppress(BridgeError):
             self.feeds[network].take_texts(LAYERS, take)
+
+    def serve_displays(self, network: str, take: TakeDisplay) -> None:
+        """Give `take` the displays that programs add by a service; a network may come later."""
+        with contextlib.suppress(BridgeError):
+            self.feeds[network].serve_displays(take)
 
     def close_idle(self) -> None:
         for feeds in self.feeds.values():

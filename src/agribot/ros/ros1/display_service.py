@@ -1,0 +1,75 @@
+"""mapviz/AddMapvizDisplay of ROS 1, with which a program adds displays to the page's map."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+
+from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from agribot.core.errors import BridgeError
+from agribot.ros.display_requests import (
+    ADD_DISPLAY_SERVICE,
+    TakeDisplay,
+    read_display,
+    wait_for_outcome,
+)
+from agribot.ros.ros1.node import Node
+from agribot.ros.ros1.route_types import sum_line
+from agribot.ros.ros1.service_server import Ros1ServiceServer, ServiceType
+from agribot.ros.ros1.types import load_ros1_types
+
+_REQUEST = "mapviz/msg/AddMapvizDisplayRequest"
+_RESPONSE = "mapviz/msg/AddMapvizDisplayResponse"
+_TEXTS = {
+    _REQUEST: "string name\nstring type\nint32 draw_order\nbool visible\n"
+    "marti_common_msgs/KeyValue[] properties\n",
+    _RESPONSE: "bool success\nstring message\n",
+}
+
+
+class AddDisplayType(ServiceType):
+    """The sum of a type whose properties are messages: their own sum stands for them."""
+
+    __slots__ = ()
+
+    @property
+    def md5(self) -> str:
+        texts = ("\n".join(map(sum_line, part.splitlines())) for part in _TEXTS.values())
+        return hashlib.md5("".join(texts).encode(), usedforsecurity=False).hexdigest()
+
+
+ADD_DISPLAY = AddDisplayType("mapviz/AddMapvizDisplay", *_TEXTS.values())
+
+
+def serve_displays(node: Node, take: TakeDisplay) -> Ros1ServiceServer:
+    """Serve the service at the master, where it takes the place of a mapviz's.
+
+    Raises: BridgeError: the master refuses it.
+    """
+    server = Ros1ServiceServer(node, lambda _text: None)
+
+    def answer(data: bytes, _source: str) -> bytes:
+        types = load_display_types()
+        try:
+            request = types.deserialize_ros1(data, _REQUEST)
+        except Exception as error:  # the generated code of rosbags raises any error
+            raise BridgeError(f"{len(data)} bytes are no request of {ADD_DISPLAY.name}") from error
+        response = types.types[_RESPONSE](*wait_for_outcome(take, read_display(request)))
+        return bytes(types.serialize_ros1(response, _RESPONSE))
+
+    try:
+        server.serve(ADD_DISPLAY_SERVICE, ADD_DISPLAY, answer)
+    except BridgeError:
+        server.close()
+        raise
+    return server
+
+
+@functools.cache
+def load_display_types() -> Typestore:
+    store = load_ros1_types()
+    for name, text in _TEXTS.items():
+        store.register(get_types_from_msg(text, name))
+    return store
