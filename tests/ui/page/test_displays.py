@@ -400,6 +400,31 @@ def test_a_display_is_added_changed_moved_saved_and_loaded(page: Page, server: F
     page.get_by_role("button", name="Layers and views").click()
 
 
+def test_a_layer_of_a_program_lies_where_its_draw_order_says(
+    page: Page, server: FakeServer
+) -> None:
+    """0 is the top, and -1 the lowest of all, also of the maps."""
+    place = {"type": "Feature", "properties": {}, "geometry": {"type": "Point",
+             "coordinates": list(reversed(messages.lat_lon(12.0, -9.0)))}}  # fmt: skip
+    panels = server.answers["panels"]
+    for name, order in {"low": -1, "top": 0}.items():
+        panel = {"id": f"layer-{name}", "kind": "layer", "type": "geojson", "title": name,
+                 "draw_order": order, "refresh_s": 1.0}  # fmt: skip
+        server.written[f"panels/layer-{name}"] = place
+        panels.append(panel)
+    ids = f"{MAP}.getStyle().layers.map(l => l.id)"
+    place_of = "ids.findIndex(id => id.startsWith('%s'))"
+    low, top, tiles, frame = (
+        place_of % name for name in ("layer-low", "layer-top", "tiles-aerial", "layer-tf_frame")
+    )
+    until(
+        page,
+        f"(ids => {low} >= 0 && {low} < {tiles} && {tiles} < {frame} && {frame} < {top})({ids})",
+    )
+    del panels[-2:]
+    until(page, f"(ids => {low} < 0 && {top} < 0)({ids})")
+
+
 def test_an_imported_pyramid_is_a_display_of_its_own(page: Page) -> None:
     """P27: the tiles of the map that was chosen."""
     page.get_by_role("button", name="Layers and views").click()
