@@ -190,8 +190,13 @@ def test_a_client_knows_the_answer_to_its_request_by_its_marks() -> None:
         wait_for(lambda: talk("pauses_are_heard"), "the service")
         talk("pause", client, 7)
         talk("pause", client, 8)
-        answers = []
-        wait_for(lambda: len(answers.extend(talk("answers")) or answers) > 1, "the answers")
+        answers = list[list[object]]()
+
+        def have_come() -> bool:
+            answers.extend(talk("answers"))
+            return len(answers) > 1
+
+        wait_for(have_come, "the answers")
         handed = [True, "'pause' handed to the robot"]
         assert answers == [[client, 7, *handed], [client, 8, *handed]]
         events, _ = robot.inbox.drain(1.0)
