@@ -43,7 +43,7 @@ _LOCAL = """<CycloneDDS><Domain><General>
 _KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
 
 
-class Origin(NamedTuple):
+class SampleOrigin(NamedTuple):
     """Where a message came from: a writer, by its handle at the reader."""
 
     reader: Any
@@ -54,7 +54,7 @@ class Origin(NamedTuple):
         return self.reader.get_matched_publication_data(self.handle)
 
 
-OnSample = Callable[[bytes, Origin], None]  # with CDR
+OnSample = Callable[[bytes, SampleOrigin], None]  # with CDR
 
 
 class DdsNode:
@@ -123,7 +123,7 @@ class DdsNode:
         on_sample: OnSample,
         types: Typestore,
         user: str,
-        on_writer: Callable[[Origin], None] | None = None,
+        on_writer: Callable[[SampleOrigin], None] | None = None,
     ) -> None:
         """Open the reader of a service, as `open_writer` its writer.
 
@@ -182,7 +182,7 @@ class DdsNode:
         types: Typestore | None,
         qos: Any,
         user: str = "",
-        on_writer: Callable[[Origin], None] | None = None,
+        on_writer: Callable[[SampleOrigin], None] | None = None,
     ) -> list[Any]:
         """Create a reader; it lives as long as the list of it and its parts."""
         from cyclonedds.core import Listener
@@ -193,11 +193,11 @@ class DdsNode:
                 if reader is None:  # it is being closed
                     return
                 for data, handle in _take(reader):
-                    on_sample(data, Origin(reader, handle))
+                    on_sample(data, SampleOrigin(reader, handle))
 
             def on_subscription_matched(self, reader: Any, status: Any) -> None:
                 if reader is not None and on_writer and status.current_count_change > 0:
-                    on_writer(Origin(reader, status.last_publication_handle))
+                    on_writer(SampleOrigin(reader, status.last_publication_handle))
 
         listener = MessageListener()  # type: ignore[no-untyped-call]
         made = self._create_topic(topic, name, types, user)

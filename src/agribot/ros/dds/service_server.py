@@ -17,8 +17,8 @@ from rosbags.typesys.store import Typestore
 from agribot.core.errors import BridgeError
 from agribot.core.topics import Topic
 from agribot.ros.dds.discovery import read_user_data
-from agribot.ros.dds.node import DdsNode, Origin, write
-from agribot.ros.ros2.serving import Answer, Service
+from agribot.ros.dds.node import DdsNode, SampleOrigin, write
+from agribot.ros.ros2.serving import Answer, ServedType
 from agribot.ros.send_queue import SendQueue
 
 _ENCAPSULATION = 4  # bytes before CDR that say its byte order
@@ -34,7 +34,7 @@ class _Response(NamedTuple):
 
     writer: Any
     client: str
-    origin: Origin
+    origin: SampleOrigin
     data: bytes
 
     def is_awaited(self) -> bool:
@@ -77,7 +77,7 @@ class DdsServiceServer:
         to_garbage: tuple[Any, ...] = (),
     ) -> None:
         """Serve the service `name`; call the node's `announce` after the last one."""
-        service = Service(types, name, ros_type, answer, to_garbage)
+        service = ServedType(types, name, ros_type, answer, to_garbage)
         request, response = (
             Topic(name=name, ros_type=f"{ros_type}_{part}") for part in ("Request", "Response")
         )
@@ -85,10 +85,10 @@ class DdsServiceServer:
         user = f"serviceid={self._node.participant.guid.hex}{next(self._numbers):08x};"
         writer = self._node.open_writer(response, f"rr{name}Reply", types, user)
 
-        def on_request(data: bytes, origin: Origin) -> None:
+        def on_request(data: bytes, origin: SampleOrigin) -> None:
             self._tasks.put(lambda: self._take(service, writer, data, origin))
 
-        def on_client(origin: Origin) -> None:
+        def on_client(origin: SampleOrigin) -> None:
             self._tasks.put(lambda: self._check_client(name, origin))
 
         self._node.open_reader(request, f"rq{name}Request", on_request, types, user, on_client)
@@ -97,7 +97,7 @@ class DdsServiceServer:
         self._tasks.close()
         self._responses.close()
 
-    def _check_client(self, name: str, origin: Origin) -> None:
+    def _check_client(self, name: str, origin: SampleOrigin) -> None:
         """Report a client that waits in vain, as soon as it is found."""
         client = origin.find_writer()
         if client is not None and client.key.bytes.startswith(_FAST_DDS):
@@ -106,7 +106,7 @@ class DdsServiceServer:
                 "gets no answer; set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp there"
             )
 
-    def _take(self, service: Service, writer: Any, data: bytes, origin: Origin) -> None:
+    def _take(self, service: ServedType, writer: Any, data: bytes, origin: SampleOrigin) -> None:
         asker = origin.find_writer()
         if asker is None or asker.key.bytes.startswith(_FAST_DDS):
             return

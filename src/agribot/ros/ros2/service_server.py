@@ -11,7 +11,7 @@ from rosbags.typesys.store import Typestore
 from agribot.core.topics import Qos, Topic
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import Ros2Node, TopicPublisher
-from agribot.ros.ros2.serving import Answer, Service
+from agribot.ros.ros2.serving import Answer, ServedType
 
 if TYPE_CHECKING:
     import zenoh
@@ -44,7 +44,7 @@ class ServiceServer:
     ) -> None:
         type_hash = types.hash_rihs01(ros_type)
         key = wire.make_topic_key(self._node.domain, name, ros_type, type_hash)
-        service = Service(types, name, ros_type, answer, to_garbage)
+        service = ServedType(types, name, ros_type, answer, to_garbage)
 
         def on_query(query: zenoh.Query) -> None:
             self._take(service, query)
@@ -52,7 +52,7 @@ class ServiceServer:
         self._node.keep(self._node.session.declare_queryable(key, on_query, complete=True))
         self._node.announce("SS", name, ros_type, type_hash, _SERVICE_QOS)
 
-    def _take(self, service: Service, query: zenoh.Query) -> None:
+    def _take(self, service: ServedType, query: zenoh.Query) -> None:
         payload, attachment = query.payload, query.attachment
         mark = wire.read_attachment(attachment.to_bytes()) if attachment else None
         if mark is None or payload is None:

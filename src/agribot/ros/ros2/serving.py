@@ -43,7 +43,7 @@ class ServingNode(Protocol):
         ...
 
 
-class Service(NamedTuple):
+class ServedType(NamedTuple):
     """A service with its type in `types`."""
 
     types: Typestore
