@@ -16,23 +16,27 @@ from agribot.cli.main import COMMANDS
 
 HEAD = """# Commands
 
-Written by `make pages` from the code. `agribot COMMAND --help` explains every option; this page
-has their names, and what the ones that many commands share mean. Exit status: 0 done and good, 1
-ran but the result is bad, 2 wrong use or bad input, 130 interrupted after a clean stop.
+Written by `make pages` from the code. `agribot COMMAND --help` explains every option. Exit status:
+0 done and good, 1 ran but the result is bad, 2 wrong use or bad input, 130 interrupted after a
+clean stop.
 
 ## Options of many commands
 
-| option | what |
-|---|---|
+Most belong to `agribot run`; the commands below list their other options only.
+
 """
 # Commands with the same words from which on an option is explained at the top of the page.
 MANY = 4
-Commands = list[tuple[str, str, str, argparse.ArgumentParser]]
+# Options that mean the same everywhere, in whatever words.
+ALIKE = ("--json", "--out")
+# Words, one line of help, example and parser.
+Command = tuple[str, str, str, argparse.ArgumentParser]
+Commands = list[Command]
 Groups = argparse._SubParsersAction
 
 
-def commands() -> Iterator[tuple[str, str, str, argparse.ArgumentParser]]:
-    """Words, one line of help, example and parser of each command, and of those below it."""
+def commands() -> Iterator[Command]:
+    """Yield each command, and after it those below it."""
     for name, (module_name, words, example) in COMMANDS.items():
         parser = argparse.ArgumentParser(prog=f"agribot {name}")
         importlib.import_module(module_name).add_arguments(parser)
@@ -40,9 +44,7 @@ def commands() -> Iterator[tuple[str, str, str, argparse.ArgumentParser]]:
         yield from _below(name, parser)
 
 
-def _below(
-    name: str, parser: argparse.ArgumentParser
-) -> Iterator[tuple[str, str, str, argparse.ArgumentParser]]:
+def _below(name: str, parser: argparse.ArgumentParser) -> Iterator[Command]:
     for action in parser._actions:
         if not isinstance(action, Groups):
             continue
@@ -64,50 +66,81 @@ def list_options(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     ]
 
 
-def explain_shared(every: Commands) -> str:
-    """Format a row for each option that many commands explain with the same words."""
+def find_shared(every: Commands) -> dict[str, str]:
+    """Find the options that many commands explain with the same words, with these words."""
     found: dict[str, Counter[str]] = {}
     for *_, parser in every:
         for action in list_options(parser):
             found.setdefault(_name(action), Counter())[_explain(action, parser)] += 1
-    rows = []
+    shared: dict[str, str] = {}
     for name, texts in sorted(found.items()):
         words, count = max(texts.items(), key=lambda item: (bool(item[0]), item[1]))
-        rows += [f"| {name} | {words} |\n"] if words and count >= MANY else []
-    return "".join(rows)
+        shared |= {name: words} if words and count >= MANY else {}
+    return shared
 
 
 def _name(action: argparse.Action) -> str:
-    return ", ".join(f"`{name}`" for name in action.option_strings)
+    """Return the first long name of an option, or its only one."""
+    return min(action.option_strings, key=lambda name: not name.startswith("--"))
 
 
 def _explain(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
-    words = (action.help or "").replace("%%", "%").replace("|", "\\|")
+    """Format the value and the help of an option; what ends its code span comes first."""
+    words = (action.help or "").replace("%%", "%")
     words = words % {**vars(action), "prog": parser.prog} if "%(" in words else words
     value = _value(action)
-    return f"{value}: {words}" if value and words else words
+    return f"{' ' if value else ''}{value}`: {words}" if words else ""
 
 
 def _value(action: argparse.Action) -> str:
     if action.nargs == 0:
         return ""
     if action.choices is not None:
-        return "`" + "\\|".join(map(str, action.choices)) + "`"
-    metavar = action.metavar or (action.dest.upper() if action.option_strings else action.dest)
-    names = metavar if isinstance(metavar, tuple) else (metavar,)
-    return "`" + " ".join(names).replace("|", "\\|") + "`"
+        return "|".join(map(str, action.choices))
+    names = action.metavar or action.dest.upper()
+    return " ".join(names if isinstance(names, tuple) else (names,))
 
 
 def page() -> str:
     every = list(commands())
-    text = HEAD + explain_shared(every)
-    for name, words, example, parser in every:
-        depth = "##" if " " not in name else "###"
-        text += f"\n{depth} agribot {name}\n\n{words[:1].upper() + words[1:]}.\n"
-        text += f"\n```\n{example}\n```\n" if example else ""
-        names = ", ".join(_name(action) for action in list_options(parser))
-        text += f"\nOptions: {names}\n" if names else ""
-    return text
+    shared = find_shared(every)
+    explained = "".join(f"- `{name}{words}\n" for name, words in shared.items())
+    return HEAD + explained + "".join(format_command(command, every, shared) for command in every)
+
+
+def format_command(command: Command, every: Commands, shared: dict[str, str]) -> str:
+    """Format a heading for a command, and an item of a list for one below it."""
+    name, words, example, parser = command
+    options = describe_options(parser, shared)
+    if " " in name:
+        return f"- {show_example(example)}: {words}." + (f" {options}" if options else "") + "\n"
+    text = f"\n## agribot {name}\n\n{words[:1].upper() + words[1:]}.\n\n"
+    if any(other.startswith(f"{name} ") for other, *_ in every):
+        return text + (f"{options}\n\n" if options else "")
+    return text + show_example(example) + (f"\n\n{options}" if options else "") + "\n"
+
+
+def show_example(example: str) -> str:
+    """Format the first command of an example; what follows it is in `--help`."""
+    return f"`{example.removeprefix('examples: ').split('; ')[0]}`"
+
+
+def describe_options(parser: argparse.ArgumentParser, shared: dict[str, str]) -> str:
+    """List the options of a command that are not explained at the top of the page."""
+    names = [
+        f"`{_name(action)}`" for action in list_options(parser) if _is_own(action, parser, shared)
+    ]
+    return f"Options: {', '.join(names)}" if names else ""
+
+
+def _is_own(
+    action: argparse.Action, parser: argparse.ArgumentParser, shared: dict[str, str]
+) -> bool:
+    """Whether the top of the page does not explain an option, or with other words."""
+    name = _name(action)
+    if name in shared:
+        return name not in ALIKE and _explain(action, parser) not in ("", shared[name])
+    return True
 
 
 if __name__ == "__main__":
