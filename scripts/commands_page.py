@@ -1,4 +1,4 @@
-"""Print docs/commands.md: every command with its example and the names of its options.
+"""Print docs/commands.md: every command with its example, and the options of many commands.
 
 What an option does is printed by `--help`; those that many commands share are explained once.
 `make pages` writes all such pages.
@@ -16,19 +16,17 @@ from agribot.cli.main import COMMANDS
 
 HEAD = """# Commands
 
-Written by `make pages` from the code. `agribot COMMAND --help` explains every option. Exit status:
-0 done and good, 1 ran but the result is bad, 2 wrong use or bad input, 130 interrupted after a
-clean stop.
+Written by `make pages` from the code: every command with an example. `agribot COMMAND --help`
+explains its arguments and options. Exit status: 0 done and good, 1 ran but the result is bad, 2
+wrong use or bad input, 130 interrupted after a clean stop.
 
 ## Options of many commands
 
-Most belong to `agribot run`; the commands below list their other options only.
+Most belong to `agribot run`.
 
 """
 # Commands with the same words from which on an option is explained at the top of the page.
 MANY = 4
-# Options that mean the same everywhere, in whatever words.
-ALIKE = ("--json", "--out")
 # Words, one line of help, example and parser.
 Command = tuple[str, str, str, argparse.ArgumentParser]
 Commands = list[Command]
@@ -66,17 +64,17 @@ def list_options(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     ]
 
 
-def find_shared(every: Commands) -> dict[str, str]:
-    """Find the options that many commands explain with the same words, with these words."""
+def explain_shared(every: Commands) -> str:
+    """Format a line for each option that many commands explain with the same words."""
     found: dict[str, Counter[str]] = {}
     for *_, parser in every:
         for action in list_options(parser):
             found.setdefault(_name(action), Counter())[_explain(action, parser)] += 1
-    shared: dict[str, str] = {}
+    lines = []
     for name, texts in sorted(found.items()):
         words, count = max(texts.items(), key=lambda item: (bool(item[0]), item[1]))
-        shared |= {name: words} if words and count >= MANY else {}
-    return shared
+        lines += [f"- `{name}{words}\n"] if words and count >= MANY else []
+    return "".join(lines)
 
 
 def _name(action: argparse.Action) -> str:
@@ -103,44 +101,24 @@ def _value(action: argparse.Action) -> str:
 
 def page() -> str:
     every = list(commands())
-    shared = find_shared(every)
-    explained = "".join(f"- `{name}{words}\n" for name, words in shared.items())
-    return HEAD + explained + "".join(format_command(command, every, shared) for command in every)
+    return (
+        HEAD + explain_shared(every) + "".join(format_command(command, every) for command in every)
+    )
 
 
-def format_command(command: Command, every: Commands, shared: dict[str, str]) -> str:
+def format_command(command: Command, every: Commands) -> str:
     """Format a heading for a command, and an item of a list for one below it."""
-    name, words, example, parser = command
-    options = describe_options(parser, shared)
+    name, words, example, _ = command
     if " " in name:
-        return f"- {show_example(example)}: {words}." + (f" {options}" if options else "") + "\n"
-    text = f"\n## agribot {name}\n\n{words[:1].upper() + words[1:]}.\n\n"
-    if any(other.startswith(f"{name} ") for other, *_ in every):
-        return text + (f"{options}\n\n" if options else "")
-    return text + show_example(example) + (f"\n\n{options}" if options else "") + "\n"
+        return f"- {show_example(example)}: {words}.\n"
+    text = f"\n## agribot {name}\n\n{words[:1].upper() + words[1:]}"
+    has_more = any(other.startswith(f"{name} ") for other, *_ in every)
+    return f"{text}.\n\n" if has_more else f"{text}:\n{show_example(example)}\n"
 
 
 def show_example(example: str) -> str:
     """Format the first command of an example; what follows it is in `--help`."""
     return f"`{example.removeprefix('examples: ').split('; ')[0]}`"
-
-
-def describe_options(parser: argparse.ArgumentParser, shared: dict[str, str]) -> str:
-    """List the options of a command that are not explained at the top of the page."""
-    names = [
-        f"`{_name(action)}`" for action in list_options(parser) if _is_own(action, parser, shared)
-    ]
-    return f"Options: {', '.join(names)}" if names else ""
-
-
-def _is_own(
-    action: argparse.Action, parser: argparse.ArgumentParser, shared: dict[str, str]
-) -> bool:
-    """Whether the top of the page does not explain an option, or with other words."""
-    name = _name(action)
-    if name in shared:
-        return name not in ALIKE and _explain(action, parser) not in ("", shared[name])
-    return True
 
 
 if __name__ == "__main__":
