@@ -452,7 +452,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
     except ValueError as error:
-        raise ConfigError(f"{path} cannot be read: {error}") from error
+        raise ConfigError(f"{path} cannot be read: {error}; save it as UTF-8") from error
     return parse_toml(text, str(path))
 
 
@@ -464,9 +464,13 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError as error:
-        raise ConfigError(f"{source} is not valid TOML: nested too deeply") from error
+        raise ConfigError(
+            f"{source} is not valid TOML: nested too deeply; write it flat"
+        ) from error
     except ValueError as error:  # also a number of thousands of digits
-        raise ConfigError(f"{source} is not valid TOML: {error}") from error
+        raise ConfigError(
+            f"{source} is not valid TOML: {error}; quote texts, and write name = value"
+        ) from error
 
 
 def name_setting(message: str, tree: dict[str, Any]) -> str:
