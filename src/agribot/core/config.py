@@ -44,7 +44,7 @@ class FieldConfig(Config, frozen=True):
     """
 
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # origin of the map
-    datum_source: str = ""  # source of the datum, from `--origin`; a simulated world moves there
+    datum_source: str = ""  # `--origin`; a simulated world moves there
     # Magnetic declination, east positive; unset: by the World Magnetic Model, in the simulator 0.
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] | None = None
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # first plant of the first row
@@ -59,11 +59,11 @@ class FieldConfig(Config, frozen=True):
     row_map_std_m: NonNegative = 0.03  # offset of real rows from these lines
     # Distance of plants in a row; unset: not regular.
     plant_spacing_m: Positive | None = None
-    # Weed map of an earlier run (weeds.geojson), by whose crop the robot knows its place.
+    # Weed map of an earlier run, by whose crop the robot knows its place.
     plant_map: str = ""
     # East, North and radius of what stands in the way.
     obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
-    # Map of map_server (YAML with PNG or PGM), whose occupied cells the robot keeps out of.
+    # Map of map_server (YAML), whose occupied cells the robot keeps out of.
     keep_out: str = ""
     keep_out_unknown: bool = False  # its unknown cells too
     # Corners of areas that no part of the robot may enter.
@@ -227,14 +227,12 @@ class TreatmentConfig(Config, frozen=True):
     look_std_m: NonNegative = 0.02
     # Error by wheels and gyro from the last look to the tool
     way_std_m: NonNegative = 0.012
-    # Leaves of crop that may be treated: any, none, those of plants alone in the map, of all whose
-    # stem is mapped, or these and those beside the row.
+    # Leaves of crop that may be treated: any, none, of plants alone in the map, of all mapped ones,
+    # or of these and beside the row.
     leaves: LeafRule = "alone"
-    # Least distance of a row of mapped crops from another row, for the rule `rows`; at most 5 cm
-    # less than the distance of rows.
+    # Least distance from another row for the rule `rows`; at most 5 cm less than that of rows.
     beside_row_m: Positive = 0.4
-    # Beside rows, ground is also sprayed where the network's score of a weed's stem is this high in
-    # the mean; 1: nowhere.
+    # Beside rows, ground is also sprayed where the score of a weed's stem is this high; 1: nowhere.
     least_weed_score: Ratio = 1.0
     prescription: str = ""  # file of zones with rates; nothing outside is treated
     prescription_column: str = ""  # column of litres per hectare; empty: by usual names
@@ -271,7 +269,7 @@ class SimConfig(Config, frozen=True):
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
     # Preset of sensor errors: rtk, rtk-dual, m8n, ...
     sensors: str = "rtk"
-    # In place of the world's own: over its areas of weeds, or its crops and 0.5 m around them.
+    # In place of the world's own, over its areas of weeds or around its crops.
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
     # Differences of the world from its map: kind, field, hard, or a file.
     preset: str = "kind"
