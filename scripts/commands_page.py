@@ -84,7 +84,7 @@ def _name(action: argparse.Action) -> str:
 
 def _explain(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
     """Format the value and the help of an option; what ends its code span comes first."""
-    words = (action.help or "").replace("%%", "%")
+    words = (action.help or "").replace("%%", "%").replace("<", "&lt;")
     words = words % {**vars(action), "prog": parser.prog} if "%(" in words else words
     value = _value(action)
     return f"{' ' if value else ''}{value}`: {words}" if words else ""

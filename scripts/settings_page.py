@@ -26,7 +26,7 @@ of them. An unknown name or a value out of range is refused.
 
 Units stand in the names: `_m` metres, `_mps` metres per second, `_rad` radians, `_deg` degrees,
 `_s` seconds, `_std_` one sigma; points are East and North in the map. The values that a setting
-may have stand in parentheses behind its default; `-` is an unset one.
+may have stand in parentheses behind its default; one with `-` is not set.
 
 """
 FIELD_HEAD = """# FIELD.toml

@@ -420,7 +420,9 @@ def assign(tree: dict[str, Any], setting: str) -> None:
     for name in parents:
         child = node.setdefault(name, {})
         if not isinstance(child, dict):
-            raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
+            raise ConfigError(
+                f"--set {setting}: '{name}' is a value, not a group; write GROUP.NAME=VALUE"
+            )
         node = child
     value = _parse_value(text.strip())
     node[leaf] = _list_faults(value) if key.strip() == "faults" else value
