@@ -14,7 +14,6 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "agribot"
-BEGIN, END = "<!-- the table of rooms: make pages -->\n", "<!-- end of the table -->\n"
 
 HEAD = """# Architecture
 
@@ -46,18 +45,14 @@ FLOW = """
 ```
 
 `autonomy/stack.py` is this on one page. Every tick ends as one `TickRecord`, which goes to the
-taps: recording, page and bridges. They read; what people and programs ask of the robot comes back
-through the platform's inbox, so that a recording holds it and a replay repeats it.
+taps: recording, page and bridges. They read; requests of people and programs come back through the
+platform's inbox, so that a recording holds them and a replay repeats them.
 
 ## Facts
 
-What is found on the way (a fault, a doubt, a contradiction, a hazard, the cause of a stop or of a
-state) is a small typed value with a code, the parts at fault, a severity and numbers
-(`core/facts.py`), from where it is found to the edge. Nothing inside compares or takes apart text:
-two facts are the same while their `kind` is, which leaves out the numbers. `core/fact_text.py` is
-the only place that makes text, from one table for each language (`core/facts.en.toml`,
-`core/facts.de.toml`); messages carry the fact beside its English text. A witness of `estimate`
-finds a fact or nothing; `Doubts` asks all of them in one table.
+A fault, a doubt, a hazard or the cause of a stop is a typed value with a code, the parts at fault,
+a severity and numbers (`core/facts.py`). Nothing inside compares text; `core/fact_text.py` makes it
+at the edge, from one table for each language (`core/facts.en.toml`, `core/facts.de.toml`).
 
 ## Frames, time, units
 
@@ -101,12 +96,13 @@ def drawing(rooms: list[dict[str, Any]]) -> str:
     graph = arrows(rooms)
     lines = ["```mermaid\n", "flowchart BT\n"]
     for floor in sorted({room["floor"] for room in rooms}):
-        lines.append(f'  subgraph floor{floor}["floor {floor}"]\n    direction LR\n')
-        lines += [f'    {_key(r["name"])}["{r["name"]}"]\n' for r in rooms if r["floor"] == floor]
+        lines.append(f'  subgraph floor{floor}["floor {floor}"]\n')
+        lines += [f"    {_node(room['name'])}\n" for room in rooms if room["floor"] == floor]
         lines.append("  end\n")
     for home in sorted(graph):
         beyond = set().union(*(_reach(graph, used) for used in graph[home]))
-        lines += [f"  {_key(home)} --> {_key(used)}\n" for used in sorted(graph[home] - beyond)]
+        used = " & ".join(_key(name) for name in sorted(graph[home] - beyond))
+        lines += [f"  {_key(home)} --> {used}\n"] if used else []
     return "".join([*lines, "```\n"])
 
 
@@ -114,14 +110,6 @@ def page() -> str:
     rooms = read_rooms()
     text = "An arrow points to what a room imports; one that follows from two others is left out.\n"
     return HEAD + table(rooms) + "\n" + text + "\n" + drawing(rooms) + FLOW
-
-
-def contributing() -> str:
-    """CONTRIBUTING.md with the table of rooms as it is now."""
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return before + BEGIN + "\n" + table(read_rooms()) + "\n" + END + after
 
 
 def _imports(path: Path) -> Iterator[tuple[str, ...]]:
@@ -146,6 +134,10 @@ def _reach(graph: dict[str, set[str]], start: str) -> set[str]:
     for room in graph[start]:
         below |= {room} | _reach(graph, room)
     return below
+
+
+def _node(name: str) -> str:
+    return name if _key(name) == name else f'{_key(name)}["{name}"]'
 
 
 def _key(name: str) -> str:

@@ -15,21 +15,22 @@ import agribot
 HEAD = """# Python API
 
 Written by `make pages` from the code. These names keep their meaning from one minor version to the
-next; all others may change. They are typed (`py.typed`).
+next; all others may change. They are typed (`py.typed`): `help(agribot.Run)` has every type.
+Methods are listed with the names of their parameters, modules without their constants.
 
 """
 
 
 def members(thing: type) -> list[str]:
-    """List the public methods and properties that a class itself declares, in their order."""
+    """List the public methods and properties that a class itself adds, in their order."""
     shown = []
     for name, member in vars(thing).items():
-        if name.startswith("_"):
+        if name.startswith("_") or any(hasattr(base, name) for base in thing.__bases__):
             continue
         if isinstance(member, property):
             shown.append(f"- `{name}`{_first_line(member.fget)}\n")
         elif inspect.isfunction(member):
-            shown.append(f"- `{name}{_signature(member)}`{_first_line(member)}\n")
+            shown.append(f"- `{name}({_parameters(member)})`{_first_line(member)}\n")
     return shown
 
 
@@ -37,8 +38,8 @@ def entry(name: str, thing: Any) -> str:
     words = inspect.getdoc(thing) or ""
     if isinstance(thing, ModuleType):
         names = [n for n in getattr(thing, "__all__", vars(thing)) if not n.startswith("_")]
-        own = [n for n in names if not isinstance(getattr(thing, n), ModuleType)]
-        own = [n for n in own if n in getattr(thing, "__all__", ()) or _is_of(thing, n)]
+        own = [n for n in names if n in getattr(thing, "__all__", ()) or _is_of(thing, n)]
+        own = [n for n in own if not n.isupper()]
         listed = ", ".join(f"`{n}`" for n in own)
         return f"## agribot.{name}\n\n{_first_paragraph(words)}\n\n{listed}\n\n"
     if isinstance(thing, type):
@@ -56,12 +57,39 @@ def page() -> str:
 
 
 def _is_of(module: ModuleType, name: str) -> bool:
-    return getattr(getattr(module, name), "__module__", "").startswith("agribot") or name.isupper()
+    """Whether a class or function is one of the module, or of those that it is made of."""
+    home: str = getattr(getattr(module, name), "__module__", "")
+    return home.startswith(module.__name__) and not isinstance(getattr(module, name), ModuleType)
+
+
+class _Shown(str):
+    """A default as it is shown."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
 
 
 def _signature(function: Any) -> str:
-    """As it stands in the code, whatever version of Python prints it."""
-    return str(inspect.signature(function)).replace("'", "")
+    """Format the parameters as they stand in the code; a default that is an object as `...`."""
+    signature = inspect.signature(function)
+    parameters = [
+        parameter.replace(default=_show_default(parameter.default))
+        for parameter in signature.parameters.values()
+    ]
+    return str(signature.replace(parameters=parameters)).replace("'", "")
+
+
+def _show_default(default: Any) -> Any:
+    if isinstance(default, str):
+        return _Shown(f'"{default}"')
+    plain = (bool, int, float, type(None), tuple, type)
+    return default if isinstance(default, plain) else _Shown("...")
+
+
+def _parameters(method: Any) -> str:
+    return ", ".join(name for name in inspect.signature(method).parameters if name != "self")
 
 
 def _first_line(function: Any) -> str:

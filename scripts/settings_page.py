@@ -22,10 +22,11 @@ HEAD = """# Settings
 
 Written by `make pages` from the code. A profile (`agribot run PROFILE`) is a TOML file of these
 settings, and `--set GROUP.NAME=VALUE` changes one; `config.toml` in the folder of a run holds all
-of them as they were. An unknown name or a value out of range is refused.
+of them. An unknown name or a value out of range is refused.
 
 Units stand in the names: `_m` metres, `_mps` metres per second, `_rad` radians, `_deg` degrees,
-`_s` seconds, `_std_` one sigma; points are East and North in the map.
+`_s` seconds, `_std_` one sigma; points are East and North in the map. The values that a setting
+may have stand in parentheses behind its default; one with `-` is not set.
 
 """
 FIELD_HEAD = """# FIELD.toml
@@ -36,11 +37,12 @@ keys; [the packaged ones](../src/agribot/description/fields) are examples.
 """
 
 NAMES: dict[type, str] = {
-    types.BoolType: "true or false",
+    types.BoolType: "true/false",
     types.StrType: "text",
-    types.NoneType: "nothing",
     types.DictType: "table",
 }
+# Kinds that the default shows.
+PLAIN = {"true/false", "text", "number", "table"}
 
 
 class Setting(NamedTuple):
@@ -98,35 +100,34 @@ def comments_of(struct: type[msgspec.Struct]) -> dict[str, str]:
 
 
 def describe(kind: types.Type) -> str:
-    """Describe a type and its limits in words, such as "number, above 0 to 2"."""
+    """Describe a type and its limits, such as "> 0, ≤ 2" of a number."""
     match kind:
         case types.Metadata():
             words = describe(kind.type)
         case types.UnionType():
-            words = " or ".join(describe(part) for part in kind.types)
+            parts = [part for part in kind.types if not isinstance(part, types.NoneType)]
+            words = " or ".join(describe(part) for part in parts)
         case types.TupleType():
             words = "(" + ", ".join(describe(part) for part in kind.item_types) + ")"
         case types.VarTupleType():
             words = f"list of {describe(kind.item_type)}"
         case types.LiteralType():
-            words = " or ".join(f"`{value}`" for value in kind.values)
+            words = ", ".join(f"`{value}`" for value in kind.values)
         case types.StructType():
             words = "{" + ", ".join(field.name for field in kind.fields) + "}"
         case types.FloatType() | types.IntType():
             name = "number" if isinstance(kind, types.FloatType) else "whole number"
-            words = name + _limits(kind)
+            words = _limits(kind) or name
         case _:
             words = NAMES[type(kind)]
     return words
 
 
 def _limits(kind: types.FloatType | types.IntType) -> str:
-    low = "" if kind.ge is None else f"from {kind.ge:g}"
-    low = low if kind.gt is None else f"above {kind.gt:g}"
-    high = "" if kind.le is None else f"to {kind.le:g}"
-    high = high if kind.lt is None else f"below {kind.lt:g}"
-    words = " ".join(word for word in (low, high) if word)
-    return f", {words}" if words else ""
+    if kind.ge is not None and kind.le is not None:
+        return f"{kind.ge:g}…{kind.le:g}"
+    signs = ((">", kind.gt), ("≥", kind.ge), ("<", kind.lt), ("≤", kind.le))
+    return ", ".join(f"{sign}{limit:g}" for sign, limit in signs if limit is not None)
 
 
 def _show(value: Any) -> str:
@@ -138,13 +139,19 @@ def _show(value: Any) -> str:
 
 
 def table(struct: type[msgspec.Struct], prefix: str = "") -> str:
-    lines = ["| setting | type | default | what |\n", "|---|---|---|---|\n"]
+    lines = ["| setting | default (values) | what |\n", "|---|---|---|\n"]
     for setting in settings_of(struct):
         words = setting.words[:1].upper() + setting.words[1:]
-        lines.append(
-            f"| `{prefix}{setting.name}` | {setting.kind} | {setting.default} | {words} |\n"
-        )
+        values = setting.default + _show_values(setting)
+        lines.append(f"| `{prefix}{setting.name}` | {values} | {words} |\n")
     return "".join(lines)
+
+
+def _show_values(setting: Setting) -> str:
+    """Format the values that a setting may have, where its default does not show them."""
+    if setting.kind in PLAIN or setting.kind.startswith("{"):
+        return ""
+    return f" {setting.kind}" if setting.kind.startswith("(") else f" ({setting.kind})"
 
 
 def sections(struct: type[msgspec.Struct]) -> str:
@@ -152,7 +159,8 @@ def sections(struct: type[msgspec.Struct]) -> str:
     text = table(struct)
     for name, group in groups_of(struct):
         words = inspect.cleandoc(group.__doc__ or "")
-        text += f"\n## {name}\n\n{words}\n\n{table(group, f'{name}.')}"
+        words = f"{words}\n\n" if words else ""
+        text += f"\n## {name}\n\n{words}{table(group, f'{name}.')}"
     return text
 
 

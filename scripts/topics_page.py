@@ -5,17 +5,18 @@ from __future__ import annotations
 import sys
 
 from agribot.core.inbound_topics import INBOUND_TOPICS
-from agribot.core.topics import TOPICS, Topic
+from agribot.core.topics import TOPICS, Qos, Topic
 
 HEAD = """# Topics
 
 Written by `make pages` from [`topics.py`](../src/agribot/core/topics.py).
-Rates are nominal; "-" is "when it changes". Latched topics reach those who come late. The
-original's name and type are what the ROS 1 bridge adds. A topic with two names is published under
+Rates are nominal; "-" is "when it changes". QoS is reliable with depth 10, of latched topics 1;
+latched topics reach those who come late. The ROS 1 bridge publishes under the original's name, too,
+with its type where that differs. A topic with two names is published under
 both by every bridge, and stands in a recording under the first.
 
-| topic | type | Hz | QoS | the original's | what |
-|---|---|---|---|---|---|
+| topic | type | Hz | the original's | what |
+|---|---|---|---|---|
 """
 
 
@@ -41,12 +42,24 @@ def _inbound_row(topic: Topic) -> str:
 
 def _row(topic: Topic) -> str:
     rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:g}"
-    qos = "reliable" if topic.qos.reliable else "best effort"
-    qos += f", depth {topic.qos.depth}" + (", latched" if topic.qos.latched else "")
-    seed = f"`{topic.seed_alias}` `{topic.seed_ros_type}`" if topic.seed_alias else ""
-    ros_type = f"`{topic.ros_type}`" if topic.ros_type else "only AGRIBOT reads it"
+    kind = f"`{topic.ros_type}`" if topic.ros_type else "only AGRIBOT reads it"
     names = ", ".join(f"`{name}`" for name in topic.names)
-    return f"| {names} | {ros_type} | {rate} | {qos} | {seed} | {topic.about} |\n"
+    about = topic.about + _describe_qos(topic.qos)
+    return f"| {names} | {kind} | {rate} | {_describe_original(topic)} | {about} |\n"
+
+
+def _describe_original(topic: Topic) -> str:
+    if not topic.seed_alias:
+        return ""
+    name = "same" if topic.seed_alias == topic.name else f"`{topic.seed_alias}`"
+    return name if topic.seed_ros_type == topic.ros_type else f"{name} `{topic.seed_ros_type}`"
+
+
+def _describe_qos(qos: Qos) -> str:
+    """Say what differs from most topics; empty where nothing does."""
+    if qos.latched:
+        return "; latched"
+    return "" if qos.reliable else f"; best effort, depth {qos.depth}"
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ import topics_page
 ROOT = Path(__file__).parents[1]
 # Where each lies, and what makes it.
 PAGES: dict[str, Callable[[], str]] = {
-    "CONTRIBUTING.md": architecture_page.contributing,
     "docs/architecture.md": architecture_page.page,
     "docs/commands.md": commands_page.page,
     "docs/faults.md": faults_page.page,

@@ -15,6 +15,7 @@ from agribot.autonomy.estimate import ekf, verdicts
 from agribot.autonomy.implements.crop_guard import find_most_keep_off_m
 from agribot.core import platform
 from agribot.core.config import EstimateConfig, MissionConfig, TreatmentConfig
+from agribot.core.version import __version__
 from tests.cli.parser_tree import Words, every_parser
 
 ROOT = Path(__file__).parents[1]
@@ -164,6 +165,21 @@ def test_the_citation_is_of_the_version_in_the_changelog() -> None:
     dated = re.search(r"^date-released: (.+)$", text_of(ROOT / "CITATION.cff"), re.MULTILINE)
     assert cited and dated
     assert f"## {cited[1]}, {dated[1]}" in text_of(ROOT / "CHANGELOG.md")
+
+
+@pytest.mark.parametrize(
+    ("file", "line"),
+    [
+        ("CITATION.cff", "version: {}"),
+        ("web/package.json", '"version": "{}"'),
+        ("web/package-lock.json", '"version": "{}"'),
+        ("ros1/agribot_description/package.xml", "<version>{}</version>"),
+        ("ros2/agribot_description/package.xml", "<version>{}</version>"),
+        ("ros2/agribot_description/setup.py", 'version="{}"'),
+    ],
+)
+def test_a_version_in_a_file_is_that_of_the_program(file: str, line: str) -> None:
+    assert line.format(__version__) in text_of(ROOT / file)
 
 
 KEEP_OFF_CM = 100.0 * find_most_keep_off_m(TreatmentConfig())

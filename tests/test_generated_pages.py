@@ -11,8 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
 NAMES = (
-    "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md",
-    "docs/faults.md", "docs/field-file.md", "docs/firmware.md", "docs/hazards.md",
+    "docs/architecture.md", "docs/commands.md", "docs/faults.md",
+    "docs/field-file.md", "docs/firmware.md", "docs/hazards.md",
     "docs/mission.md", "docs/original.md", "docs/python.md", "docs/settings.md",
     "docs/results/original.csv", "docs/topics.md", "llms.txt",
 )  # fmt: skip

@@ -46,7 +46,7 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
-        raise MissionError(f"{name} is not valid JSON: {error}") from error
+        raise MissionError(f"{name} is not valid JSON: {error}; plan it again") from error
     saved = parse_plan(root, name, config.field.datum)
     saved = saved._replace(area=cut_keep_out(saved.area, config.field.keep_out_map_m))
     shape = measure_footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)

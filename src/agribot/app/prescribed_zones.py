@@ -28,7 +28,7 @@ def read_prescription_file(config: RunConfig) -> bytes:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise MissionError(
-                f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}"
+                f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}; split it"
             )
         return read_with_log(path)
     except OSError as error:

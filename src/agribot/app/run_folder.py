@@ -115,14 +115,18 @@ def clear_run(path: Path) -> None:
     try:
         _remove_run(path)
     except OSError as error:
-        raise RecordingError(f"cannot clear {path}: {error.strerror or error}") from error
+        raise RecordingError(
+            f"cannot clear {path}: {error.strerror or error}; name another folder with --out"
+        ) from error
 
 
 def _list_files(path: Path, names: tuple[str, ...]) -> list[str]:
     try:
         return [name for name in names if (path / name).exists()]
     except OSError as error:
-        raise RecordingError(f"cannot look into {path}: {error.strerror or error}") from error
+        raise RecordingError(
+            f"cannot look into {path}: {error.strerror or error}; name another folder with --out"
+        ) from error
 
 
 def _remove_run(path: Path) -> None:

@@ -89,7 +89,9 @@ def split_by_marks(track: DrivenTrack) -> list[FloatArray]:
         t_s = track.points[:, 0]
         stretch = track.points[(t_s >= begin_s) & (t_s <= end_s)]
         if len(stretch) < 2:
-            raise MissionError(f"row {number} has no length: its two marks were set at one place")
+            raise MissionError(
+                f"row {number} has no length: its two marks are at one place; drive it again"
+            )
         found.append(stretch)
     return found
 

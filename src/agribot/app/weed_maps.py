@@ -54,7 +54,9 @@ def _open_run(folder: Path) -> PlantTable:
         try:
             done = msgspec.json.decode(job.read_bytes(), type=JobSoFar)
         except msgspec.MsgspecError as error:
-            raise RecordingError(f"{job} is broken: {error}") from error
+            raise RecordingError(
+                f"{job} is broken: {error}; name the run's weeds.geojson"
+            ) from error
         plants = [track.message() for track in done.plants if track.is_mapped]
         name = Path(done.runs[0].folder).name if done.runs else folder.name
         return tabulate_run(plants, read_config(folder / RECORDING), name)

@@ -170,7 +170,9 @@ def _read_page(path: Path, name: str) -> str:
     try:
         page = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--markdown {path}: cannot be read: {error}") from error
+        raise ConfigError(
+            f"--markdown {path}: cannot be read: {error}; name a page that exists"
+        ) from error
     rewrite_block(page, name, "")
     return page
 

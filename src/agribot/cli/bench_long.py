@@ -52,7 +52,9 @@ def run(options: argparse.Namespace) -> int:
     try:
         write_at_once(out / PLAN, text.encode())
     except OSError as error:
-        raise RecordingError(f"cannot write into {out}: {error.strerror or error}") from error
+        raise RecordingError(
+            f"cannot write into {out}: {error.strerror or error}; name another folder with --out"
+        ) from error
     executor = ProcessExecutor(options.workers, long_mission.go_on)
     ways = long_mission.ProgressLine([folder.run_dir(job) for job in jobs])
     result = drive(folder, executor, ways)

@@ -107,7 +107,9 @@ def _check(options: argparse.Namespace) -> None:
     for setting in options.set:
         if setting.partition(".")[0] not in OWN_SETTINGS:
             groups = ", ".join(OWN_SETTINGS)
-            raise ConfigError(f"--set {setting}: the benchmark changes settings of {groups} only")
+            raise ConfigError(
+                f"--set {setting}: the benchmark changes settings of {groups} only; leave it out"
+            )
     check_workers(options.workers)
     if options.plot:
         extras.require("report", "--plot")

@@ -122,7 +122,9 @@ def _find(uri: SourceUri, wanted: object, seconds: float) -> tuple[FoundBoard, b
                 return _print_on(probe, found, seconds)
             came = max(came, probe.bytes)
         except OSError as error:
-            raise ConfigError(f"{uri.name}: the line broke: {error.strerror or error}") from error
+            raise ConfigError(
+                f"{uri.name}: the line broke: {error.strerror or error}; check cable and power"
+            ) from error
         finally:
             stream.close()
     heard = f"{came} bytes came, which are no words of one" if came else "the line is silent"

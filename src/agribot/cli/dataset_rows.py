@@ -61,7 +61,9 @@ def label_by_rows(options: argparse.Namespace) -> int:
         raise ConfigError(f"--pitch {options.pitch:g}: must be from 0.2 to 5 m")
     if any(not path.is_dir() or find_recording(path).exists() for path in options.sources):
         if options.model or options.rows:
-            raise ConfigError("--model and --rows are for a folder of photographs, not for a drive")
+            raise ConfigError(
+                "--model and --rows are for a folder of photographs, not a drive; leave them out"
+            )
         return _label_drives(options)
     if len(options.sources) > 1:
         raise ConfigError("give one folder of photographs; copy those of several fields into one")

@@ -121,7 +121,7 @@ def read_script(path: Path, *, hold: bool) -> TwistScript:
             raise ConfigError(f"--script {path}: more than {MAX_SCRIPT_BYTES} bytes; split it")
         lines = read_text_file(path).splitlines()
     except (OSError, ValueError) as error:
-        raise ConfigError(f"--script {path}: cannot be read: {error}") from error
+        raise ConfigError(f"--script {path}: cannot be read: {error}; check the path") from error
     twists = []
     for number, line in enumerate(lines, start=1):
         numbers = _parse_numbers(line)
@@ -136,7 +136,9 @@ def read_script(path: Path, *, hold: bool) -> TwistScript:
         twists.append(TimedTwist(numbers[0], command))
     late = next((b for a, b in pairwise(twists) if b.t_s < a.t_s), None)
     if late is not None:
-        raise ConfigError(f"{path}: the command at {late.t_s:g} s stands after a later one")
+        raise ConfigError(
+            f"{path}: the command at {late.t_s:g} s stands after a later one; sort them by time"
+        )
     return TwistScript(twists, hold=hold)
 
 

@@ -149,7 +149,10 @@ def _convert(args: argparse.Namespace, source: Path, made: Path, pictures: list[
         precision.convert_to_fp16(source, made)
     else:
         if not pictures:
-            raise ConfigError(f"--calibrate {args.calibrate}: no picture there that can be read")
+            raise ConfigError(
+                f"--calibrate {args.calibrate}: no picture there can be read; "
+                "name a folder of JPEG or PNG files"
+            )
         precision.quantise_to_int8(source, made, pictures)
 
 

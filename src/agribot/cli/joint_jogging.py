@@ -43,7 +43,10 @@ def open_jogger(options: argparse.Namespace, hand: TableHand) -> ExitStack:
     opened = ExitStack()
     if not hand.steps:
         if options.joints is not None:
-            raise ConfigError(f"--joints {options.joints}: no button of the table moves a joint")
+            raise ConfigError(
+                f"--joints {options.joints}: no button of the table moves a joint; leave it out, "
+                "or give such a button to the table"
+            )
         return opened
     from agribot.description.jog_joints import read_jog_joints
     from agribot.ros.joint_jog import JointJogger

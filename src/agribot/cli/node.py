@@ -228,7 +228,9 @@ def _make_action(options: argparse.Namespace) -> NodeStage:
         try:
             text = read_text_file(options.goals)
         except (OSError, ValueError) as error:
-            raise ConfigError(f"cannot read goals from {options.goals}: {error}") from error
+            raise ConfigError(
+                f"cannot read goals from {options.goals}: {error}; check the path"
+            ) from error
         goals.extend(parse_waypoints(text, options.goals.name))
     if not goals:
         raise ConfigError("no goal to go to; give --goal LAT,LON or --goals FILE")

@@ -52,7 +52,9 @@ def run(options: argparse.Namespace) -> int:
     try:
         report = msgspec.json.decode(data, type=Report)
     except msgspec.MsgspecError as error:
-        raise RecordingError(f"the report inside {options.recording} is broken: {error}") from error
+        raise RecordingError(
+            f"the report inside {options.recording} is broken: {error}; run agribot record recover"
+        ) from error
     write_run_files(options.out, report, _read_job(options.recording, options.out, report))
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")

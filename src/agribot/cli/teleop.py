@@ -126,7 +126,7 @@ def _show(robot: Remote, twist: Twist) -> None:
 
 def _read_rates(options: argparse.Namespace) -> HandRates:
     if options.config is not None and options.device != "joystick":
-        raise ConfigError(f"--config is for a joystick, not for {options.device}")
+        raise ConfigError(f"--config is for a joystick, not for {options.device}; leave it out")
     if not 0.0 <= options.dead_zone < 1.0:
         raise ConfigError(f"--dead-zone {options.dead_zone:g}: must be at least 0 and below 1")
     numbers = {
@@ -154,7 +154,9 @@ def _read_rates(options: argparse.Namespace) -> HandRates:
 def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
     """Read keys and mouse of the terminal on stdin."""
     if not sys.stdin.isatty():
-        raise ConfigError(f"teleop {options.device} needs a terminal on its standard input")
+        raise ConfigError(
+            f"teleop {options.device} needs a terminal on its standard input; start it in one"
+        )
     is_mouse = options.device == "mouse"
     if is_mouse and not has_mouse():
         raise ConfigError("teleop mouse: this console reports no mouse; use keyboard or the page")
@@ -241,9 +243,11 @@ def _read_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> 
             except BlockingIOError:
                 break
             except OSError as error:
-                raise PlatformError(f"joystick {options.joy} is gone: {error.strerror}") from error
+                raise PlatformError(
+                    f"joystick {options.joy} is gone: {error.strerror}; plug it in and start again"
+                ) from error
             if not data:
-                raise PlatformError(f"joystick {options.joy} is gone")
+                raise PlatformError(f"joystick {options.joy} is gone; plug it in and start again")
             state.feed(data)
         return hand.wish(state)
 

@@ -59,7 +59,9 @@ def is_wanted(options: argparse.Namespace) -> bool:
         stray = [name for name in PAGE_OPTIONS if getattr(options, name)]
         if stray:
             name = stray[0].replace("_", "-")
-            raise ConfigError(f"--{name} is for a robot with a page, not for a topic of ROS")
+            raise ConfigError(
+                f"--{name} is for a robot with a page, not for a topic of ROS; leave it out"
+            )
         if options.rate_hz < MIN_RATE_HZ:
             raise ConfigError(
                 f"--rate {options.rate_hz:g}: on a topic of ROS it must be at least "

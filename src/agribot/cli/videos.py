@@ -55,4 +55,4 @@ def read_frames(file: Path) -> Iterator[ByteArray]:
     finally:
         capture.release()
     if not any_frame:
-        raise PerceptionError(f"{file}: holds no frame that can be read")
+        raise PerceptionError(f"{file}: holds no frame that can be read; check that it plays")

@@ -147,7 +147,10 @@ def _check_output(options: argparse.Namespace) -> None:
     elif options.format is None:
         find_suffix(options.out)
     elif options.out.suffix and options.out.suffix != SUFFIXES[options.format]:
-        raise ConfigError(f"-o {options.out} is no name for --format {options.format}")
+        raise ConfigError(
+            f"-o {options.out} is no name for --format {options.format}; "
+            f"end it with {SUFFIXES[options.format]}"
+        )
 
 
 def _is_isoxml(options: argparse.Namespace) -> bool:

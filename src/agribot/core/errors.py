@@ -48,3 +48,8 @@ class PlatformError(AgribotError):
 
 class EndOfRecording(PlatformError):
     pass
+
+
+def add_advice(fact: str, advice: str) -> str:
+    """Add what to do to a fact that does not say it yet."""
+    return fact if ";" in fact else f"{fact}; {advice}"

@@ -26,6 +26,7 @@ def find_function(target: Callable[..., Any] | str, what: str) -> Callable[..., 
             f"{what}: {error}; write module:function of an installed module"
         ) from error
     if not callable(found):
-        raise ConfigError(f"{what} is not a function but {type(found).__name__}")
+        kind = type(found).__name__
+        raise ConfigError(f"{what} is not a function but {kind}; write module:function")
     function: Callable[..., Any] = found
     return function

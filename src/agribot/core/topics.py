@@ -94,7 +94,7 @@ FIX_VELOCITY = Topic(
     rate_hz=10.0,
     seed_alias="/agribot/fix_velocity",
     seed_ros_type="geometry_msgs/msg/Vector3Stamped",
-    about="GNSS velocity, East North Up, m/s",
+    about="GNSS velocity, East-North-Up, m/s",
 )
 EXTENDED_FIX = Topic(
     name="/agribot/extended_fix",
@@ -103,7 +103,7 @@ EXTENDED_FIX = Topic(
     rate_hz=10.0,
     seed_alias="/extended_fix",
     seed_ros_type="gps_common/msg/GPSFix",
-    about="the full report of a real receiver: velocity, dilutions, satellites, errors at 95 %",
+    about="full report of a real receiver, errors at 95 %",
 )
 IMU = Topic(
     name="/agribot/imu",
@@ -112,7 +112,7 @@ IMU = Topic(
     rate_hz=200.0,
     seed_alias="/agribot/imu",
     seed_ros_type="sensor_msgs/msg/Imu",
-    about="gyro and specific force (REP-145); it measures no orientation",
+    about="gyro and specific force (REP-145), no orientation",
 )
 IMU_BIAS = Topic(
     name="/agribot/imu/bias",
@@ -120,8 +120,7 @@ IMU_BIAS = Topic(
     rate_hz=50.0,
     seed_alias="/agribot/imu/bias",
     seed_ros_type="sensor_msgs/msg/Imu",
-    about="true bias of gyro and accelerometer, of a run with a stack at 10 Hz; exists in "
-    "simulation only and never reaches the robot",
+    about="true bias of gyro and accelerometer, of a run at 10 Hz; simulation only",
 )
 MAGNETIC = Topic(
     name="/agribot/magnetic",
@@ -139,14 +138,14 @@ POLE_FIX = Topic(
     rate_hz=5.0,
     seed_alias="/Pole/fix",
     seed_ros_type="sensor_msgs/msg/NavSatFix",
-    about="GNSS position of the base station on the pole, errors and all",
+    about="GNSS position of the base station on the pole",
 )
 SCAN = Topic(
     name="/agribot/scan",
     ros_type="sensor_msgs/msg/LaserScan",
     struct=LaserScan,
     rate_hz=10.0,
-    about="simulated lidar, where the robot has one; nothing drives by it",
+    about="simulated lidar; nothing drives by it",
 )
 POLE_FIX_VELOCITY = Topic(
     name="/pole/fix_velocity",
@@ -155,20 +154,20 @@ POLE_FIX_VELOCITY = Topic(
     rate_hz=5.0,
     seed_alias="/Pole/fix_velocity",
     seed_ros_type="geometry_msgs/msg/Vector3Stamped",
-    about="velocity of the base station's receiver, which stands: East North Up, m/s",
+    about="its velocity, East-North-Up, m/s",
 )
 BUMPER = Topic(
     name="/agribot/bumper",
     ros_type="geometry_msgs/msg/PointStamped",
     struct=BumperSample,
-    about="where the robot touches something, in base_footprint, once a tick while it does",
+    about="where the robot touches something, in base_footprint, once a tick",
 )
 BATTERY = Topic(
     name="/agribot/battery",
     ros_type="sensor_msgs/msg/BatteryState",
     struct=BatterySample,
     rate_hz=1.0,
-    about="voltage, current (negative: discharging) and what is left of the charge",
+    about="voltage, current (negative: discharging) and charge",
 )
 JOINT_STATES = Topic(
     name="/agribot/joint_states",
@@ -187,8 +186,7 @@ ODOM = Topic(
     seed_alias="/agribot/odom",
     seed_ros_type="nav_msgs/msg/Odometry",
     other_names=("/agribot/odom",),
-    about="what the wheel encoders alone make of the way, in odom, from where the robot began; "
-    "its covariance grows (the original published the truth here)",
+    about="pose by wheel encoders alone, in odom, from the start (original: the truth)",
 )
 ODOMETRY = Topic(
     name="/agribot/odometry/estimate",
@@ -204,7 +202,7 @@ POSE = Topic(
     rate_hz=10.0,
     seed_alias="/currentPose",
     seed_ros_type="geometry_msgs/msg/Pose",
-    about="estimated pose in the map (the original sent the vector to the goal)",
+    about="estimated pose in the map (original: vector to the goal)",
 )
 CMD_VEL = Topic(
     name="/agribot/cmd_vel",
@@ -214,7 +212,7 @@ CMD_VEL = Topic(
     direction="both",
     seed_alias="/agribot/cmd_vel",
     seed_ros_type="geometry_msgs/msg/Twist",
-    about="the command after the supervisor; with --allow-drive instead what peers ask for",
+    about="the command after the supervisor; with --allow-drive what peers ask for",
 )
 IMAGE = Topic(
     name="/agribot/camera/image_raw/compressed",
@@ -230,7 +228,7 @@ IMAGE_RAW = Topic(
     rate_hz=5.0,
     seed_alias="/agribot/camera/image_raw",
     seed_ros_type="sensor_msgs/msg/Image",
-    about="camera, rgb8; bridges only and only on request (--raw-images)",
+    about="camera, rgb8; bridges only, with --raw-images",
 )
 CAMERA_INFO = Topic(
     name="/agribot/camera/camera_info",
@@ -252,7 +250,7 @@ PATH = Topic(
     ros_type="nav_msgs/msg/Path",
     struct=Path,
     qos=LATCHED,
-    about="the planned path of the body frame in the map",
+    about="planned path of the body frame in the map",
 )
 GOALS = Topic(
     name="/agribot/goals",
@@ -266,18 +264,18 @@ GOAL_FIX = Topic(
     qos=LATCHED,
     seed_alias="/goal_GPS",
     seed_ros_type="sensor_msgs/msg/NavSatFix",
-    about="where the robot is bound for (waypoint, row end, goal), latitude and longitude",
+    about="where the robot is bound for, latitude and longitude",
 )
 GOAL_POSE = Topic(
     name="/agribot/goal_pose",
     ros_type="geometry_msgs/msg/PoseStamped",
     qos=LATCHED,
-    about="the place that a person or program sent the robot to; its yaw is 0 where none was asked",
+    about="goal of a person or program; yaw 0 where none was asked",
 )
 CLICKED_POINT = Topic(
     name="/clicked_point",
     ros_type="geometry_msgs/msg/PointStamped",
-    about="a place that an operator tapped with the page's tool",
+    about="a place that an operator tapped on the page",
 )
 DRAWN_POLYGON = Topic(
     name="/agribot/polygon",
@@ -300,7 +298,7 @@ WEEDS = Topic(
     struct=MappedPlant,
     rate_hz=1.0,
     qos=LATCHED,
-    about="the weed map: weeds red, treated weeds grey, crops green",
+    about="weed map: weeds red, treated grey, crops green",
 )
 STATUS = Topic(
     name="/agribot/mission/status",
@@ -315,7 +313,7 @@ CALIBRATED = Topic(
     qos=LATCHED,
     seed_alias="/calibrated",
     seed_ros_type="std_msgs/msg/Bool",
-    about="true once position and heading have been found; of a world alone, at once",
+    about="true once position and heading are known",
 )
 DISTANCE = Topic(
     name="/agribot/distance",
@@ -324,7 +322,7 @@ DISTANCE = Topic(
     rate_hz=10.0,
     seed_alias="/distance",
     seed_ros_type="std_msgs/msg/Float64",
-    about="straight distance to where the robot is bound for, m",
+    about="straight distance to the goal, m",
 )
 BEARING = Topic(
     name="/agribot/bearing",
@@ -333,7 +331,7 @@ BEARING = Topic(
     rate_hz=10.0,
     seed_alias="/angleOG",
     seed_ros_type="std_msgs/msg/Float64",
-    about="direction to where it is bound for, degrees counter-clockwise from East",
+    about="direction to the goal, degrees counter-clockwise from East",
 )
 ANGLE = Topic(
     name="/agribot/angle",
@@ -342,7 +340,7 @@ ANGLE = Topic(
     rate_hz=10.0,
     seed_alias="/angle",
     seed_ros_type="std_msgs/msg/Float64",
-    about="bearing minus heading: how far to turn left to face that place, degrees",
+    about="bearing minus heading, left positive, degrees",
 )
 HEADING_RAW = Topic(
     name="/agribot/heading/raw",
@@ -374,7 +372,7 @@ TF_STATIC = Topic(
     name="/tf_static",
     ros_type="tf2_msgs/msg/TFMessage",
     qos=LATCHED,
-    about="the fixed joints of the robot and the optical frame of the camera",
+    about="fixed joints and the camera's optical frame",
 )
 ROBOT_DESCRIPTION = Topic(
     name="/robot_description", ros_type="std_msgs/msg/String", qos=LATCHED, about="URDF"
@@ -384,21 +382,20 @@ CLOCK = Topic(
     ros_type="rosgraph_msgs/msg/Clock",
     rate_hz=50.0,
     qos=LATEST,
-    about="simulated time; bridges only, a bag player makes its own",
+    about="simulated time; bridges only",
 )
 GROUND_TRUTH = Topic(
     name="/ground_truth/odometry",
     ros_type="nav_msgs/msg/Odometry",
     rate_hz=50.0,
-    about="true pose and twist, of a run with a stack at 10 Hz; exists in simulation only and "
-    "never reaches the robot",
+    about="true pose and twist, of a run at 10 Hz; simulation only, never seen by the robot",
 )
 TICK = Topic(
     name="/agribot/tick",
     ros_type="",
     struct=TickRecord,
     rate_hz=50.0,
-    about="everything one tick saw and decided, MessagePack, without the pixels: what replay reads",
+    about="all of a tick but the pixels, MessagePack, for replay",
 )
 
 TOPICS: tuple[Topic, ...] = (

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.config import read_toml
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 from agribot.core.messages import Row
 from agribot.core.suggestions import suggest_name
 from agribot.core.world import SoilClass
@@ -155,7 +155,8 @@ def load_condition_preset(name_or_path: str) -> Preset:
     try:
         preset = msgspec.convert(tree, Preset)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"preset {name_or_path}: {error}") from error
+        fact = f"preset {name_or_path}: {error}"
+        raise ConfigError(add_advice(fact, "see the packaged presets")) from error
     _check_pairs(preset, name_or_path)
     return preset
 

@@ -31,7 +31,7 @@ def read_drawn_rows(path: Path, datum: Datum) -> list[FloatArray]:
         ]
     except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         raise DescriptionError(
-            f"rows.file {path.name} is no GeoJSON that can be read: {error!r}"
+            f"rows.file {path.name} is no GeoJSON that can be read: {error!r}; export it anew"
         ) from error
     if not lines or min(measure_line_m(line) for line in lines) <= 0.0:
         raise DescriptionError(

@@ -63,7 +63,8 @@ def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.El
         root = read_xml(path)
     if root.tag != "robot":
         raise DescriptionError(
-            f"{path}: the top element is <{root.tag}>, a robot description has <robot>"
+            f"{path}: the top element is <{root.tag}>, a robot description has <robot>; name "
+            "another file"
         )
     return root
 
@@ -127,7 +128,7 @@ def _run_xacro(
         except RecursionError as error:
             file = _find_current_file(path)
             raise DescriptionError(
-                f"{file}: xacro cannot expand it: a file or macro includes itself"
+                f"{file}: xacro cannot expand it: a file or macro includes itself; remove that"
             ) from error
         except Exception as error:  # xacro raises any kind of error on a broken file
             reason = " ".join(str(error).split()) or type(error).__name__

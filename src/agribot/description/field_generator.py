@@ -262,10 +262,13 @@ def _read_boundary(plan: FieldSettings, folder: Path) -> FloatArray | None:
         places = [frame.map_from_geodetic(point[1], point[0], plan.datum.alt_m) for point in ring]
         return np.array(places, dtype=np.float64)[:, :2]
     except StopIteration as error:
-        raise DescriptionError(f"boundary {plan.boundary} has no polygon of a field") from error
+        raise DescriptionError(
+            f"boundary {plan.boundary} has no polygon of a field; draw one"
+        ) from error
     except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         raise DescriptionError(
-            f"boundary {plan.boundary} is no GeoJSON polygon that can be read: {error!r}"
+            f"boundary {plan.boundary} is no GeoJSON polygon that can be read: {error!r}; "
+            "export it anew"
         ) from error
 
 

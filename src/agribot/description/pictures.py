@@ -36,6 +36,8 @@ def read_grey(path: Path, most_px: int) -> FloatArray:
                 grey = np.asarray(image if is_wide else image.convert("L"), dtype=np.float64)
     except (OSError, SyntaxError, ValueError, EOFError, struct.error, zlib.error,
             Image.DecompressionBombError) as error:  # fmt: skip
-        raise DescriptionError(f"{path.name} is no picture that can be read: {error}") from error
+        raise DescriptionError(
+            f"{path.name} is no picture that can be read: {error}; save it as PNG"
+        ) from error
     flipped: FloatArray = np.flipud(grey) / (FULL_SCALE if is_wide else 255.0)
     return flipped

@@ -79,7 +79,9 @@ def load_ros_map(path: Path) -> RosMap:
         )
     picture = path.parent / keys.get("image", "")
     if not picture.is_file():
-        raise DescriptionError(f"{path.name}: image '{keys.get('image', '')}' cannot be read")
+        raise DescriptionError(
+            f"{path.name}: image '{keys.get('image', '')}' cannot be read; copy it beside the map"
+        )
     shades = read_grey(picture, MAX_CELLS)
     occupied, free = (_parse_numbers(keys, k, path)[0] for k in ("occupied_thresh", "free_thresh"))
     darkness = shades if _parse_numbers(keys, "negate", path)[0] else 1.0 - shades
@@ -188,7 +190,9 @@ def _parse_numbers(keys: dict[str, str], key: str, path: Path) -> tuple[float, .
             f"{path.name}: '{key}' is missing; there are: {', '.join(keys) or 'none'}"
         ) from error
     except ValueError as error:
-        raise DescriptionError(f"{path.name}: {key}: '{keys[key]}' is no number") from error
+        raise DescriptionError(
+            f"{path.name}: {key}: '{keys[key]}' is no number; write one"
+        ) from error
     if not all(math.isfinite(value) for value in values):
-        raise DescriptionError(f"{path.name}: {key}: '{keys[key]}' is not finite")
+        raise DescriptionError(f"{path.name}: {key}: '{keys[key]}' is not finite; write a number")
     return values

@@ -154,5 +154,5 @@ def _find_sdf_name(folder: Path) -> str:
             return there[-1]
     files = sorted(file.name for file in folder.glob("*.sdf"))
     if not files:
-        raise DescriptionError(f"model folder {folder} holds no .sdf file")
+        raise DescriptionError(f"model folder {folder} holds no .sdf file; copy it anew")
     return files[-1]

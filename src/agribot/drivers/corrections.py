@@ -78,7 +78,9 @@ def make_tls(authority: str = "") -> ssl.SSLContext:
             context.load_verify_locations(authority)
         except OSError as error:  # ssl.SSLError is one
             why = "it holds no certificate (PEM)" if isinstance(error, ssl.SSLError) else ""
-            raise ConfigError(f"ntrip_ca={authority}: {why or error.strerror or error}") from error
+            raise ConfigError(
+                f"ntrip_ca={authority}: {why or error.strerror or error}; name a file in PEM"
+            ) from error
     return context
 
 

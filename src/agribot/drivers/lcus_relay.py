@@ -104,6 +104,8 @@ def open_relay(sensor: Sensor, uri: SourceUri, context: SourceContext) -> LcusCo
     second = int(options.pop_number("second", 0, 0, CHANNELS))
     options.check_empty()
     if second == channel:
-        raise ConfigError(f"second={second} of {uri.path} is the first contactor's channel, too")
+        raise ConfigError(
+            f"second={second} of {uri.path} is the first contactor's channel, too; name another"
+        )
     channels = (channel, second) if second else (channel,)
     return LcusContactor(uri.path, lambda: SerialStream(uri.path, BAUD), channels, context.refuse)

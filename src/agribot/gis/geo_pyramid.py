@@ -55,7 +55,8 @@ def read_geo(path: Path) -> TiledImage:
         tile_px = int(keys["tile_size"])
     except (KeyError, ValueError) as error:
         raise ConfigError(
-            f"{path.name} is no .geo file of mapviz: it needs image_width, image_height, tile_size"
+            f"{path.name} is no .geo file of mapviz: it needs image_width, image_height "
+            "and tile_size; add them"
         ) from error
     if min(*sizes, tile_px) <= 0:
         raise ConfigError(f"{path.name}: sizes {sizes} and tile_size {tile_px} must be above 0")
@@ -89,7 +90,7 @@ def _fit_affine(text: str, keys: dict[str, str], name: str) -> FloatArray:
         columns = np.column_stack([pixels, np.ones(len(ties))])
         solved, _, rank, _ = np.linalg.lstsq(columns, places, rcond=None)
         if rank < 3:
-            raise ConfigError(f"{name}: the tie points lie on one line")
+            raise ConfigError(f"{name}: the tie points lie on one line; give a third beside it")
         affine: FloatArray = np.asarray(solved.T, dtype=np.float64)
     else:
         step = _read_pixel_scale(ties, keys, name)
@@ -113,9 +114,13 @@ def _read_tie_points(text: str, keys: dict[str, str], name: str) -> FloatArray:
     try:
         ties = np.array([[float(number) for number in row.split(",")] for row in rows])
     except ValueError as error:
-        raise ConfigError(f"{name}: a tie point is no list of four numbers") from error
+        raise ConfigError(
+            f"{name}: a tie point is no list of four numbers; write X, Y, EAST, NORTH"
+        ) from error
     if ties.ndim != 2 or ties.shape[1] != 4 or not np.isfinite(ties).all():
-        raise ConfigError(f"{name} has no tie points of four numbers: where does it lie?")
+        raise ConfigError(
+            f"{name} has no tie points of four numbers; write where it lies: X, Y, EAST, NORTH"
+        )
     if "tiepoint" in keys and _find_srs(keys, name) == "EPSG:4326":
         ties[:, 2:] = ties[:, :1:-1]
     return ties
@@ -127,12 +132,15 @@ def _read_pixel_scale(ties: FloatArray, keys: dict[str, str], name: str) -> Floa
         try:
             step = np.array([float(number) for number in found[1].split(",")])
         except ValueError as error:
-            raise ConfigError(f"{name}: pixel_scale [{found[1]}] is no list of numbers") from error
+            raise ConfigError(
+                f"{name}: pixel_scale [{found[1]}] is no list of numbers; "
+                "write two, such as 0.1, 0.1"
+            ) from error
     elif len(ties) == 2 and (ties[0, :2] != ties[1, :2]).all():
         moved = ties[1] - ties[0]
         step = np.array([moved[2] / moved[0], -moved[3] / moved[1]])
     else:
-        raise ConfigError(f"{name}: one tie point needs a pixel_scale beside it")
+        raise ConfigError(f"{name}: one tie point needs a pixel_scale beside it; add it")
     if step.shape != (2,) or not (step > 0.0).all():
         raise ConfigError(f"{name}: pixel_scale {step.tolist()} must be two numbers above 0")
     return step
@@ -175,7 +183,9 @@ def _find_tile(pyramid: TiledImage, row: int, column: int) -> Path:
     stem = pyramid.folder / "layer0" / f"tile{row:05d}x{column:05d}"
     found = [stem.with_suffix(suffix) for suffix in SUFFIXES if stem.with_suffix(suffix).is_file()]
     if not found:
-        raise ConfigError(f"the tile {stem}.png (or .jpg) is missing")
+        raise ConfigError(
+            f"the tile {stem}.png (or .jpg) is missing; copy all tiles beside the file"
+        )
     return found[0].resolve()
 
 
@@ -187,7 +197,7 @@ def _format_source(pyramid: TiledImage, tile: Path, row: int, column: int, band:
             height_px = min(picture.height, pyramid.height_px - top_px)
             bands = len(picture.getbands())
     except OSError as error:
-        raise ConfigError(f"the tile {tile} is no picture: {error}") from error
+        raise ConfigError(f"the tile {tile} is no picture: {error}; copy it anew") from error
     size = f'xSize="{width_px}" ySize="{height_px}"'
     return (
         f"<SimpleSource><SourceFilename>{escape(str(tile))}</SourceFilename>"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agribot.core.errors import MissionError
+from agribot.core.errors import MissionError, add_advice
 from agribot.core.geo import NOWHERE, is_nowhere
 from agribot.core.json_number import is_number
 from agribot.core.table_text import decode_text, read_text_file
@@ -80,7 +80,7 @@ def read_json(path: Path) -> Any:
     try:
         return parse_json(text)
     except ValueError as error:
-        raise MissionError(f"{path.name}: {error}") from error
+        raise MissionError(add_advice(f"{path.name}: {error}", "export it anew")) from error
 
 
 def parse_json(text: str) -> Any:
@@ -185,7 +185,7 @@ def _iterate_features(root: object, where: str) -> Iterator[Feature]:
         properties = node.get("properties") or {}
         node = node.get("geometry")
     if not isinstance(node, dict) or not isinstance(properties, dict):
-        raise MissionError(f"{where}: the feature has no geometry")
+        raise MissionError(f"{where}: the feature has no geometry; draw or remove it")
     kind = str(properties.get("kind") or "")
     yield Feature(where, kind, str(node.get("type")), _read_parts(node, where), properties)
 
@@ -221,7 +221,7 @@ def read_position(position: object, where: str) -> LonLat:
     Raises: MissionError: no longitude and latitude in degrees.
     """
     if not isinstance(position, list | tuple) or len(position) < 2:
-        raise MissionError(f"{where}: {position!r} is not [lon, lat]")
+        raise MissionError(f"{where}: {position!r} is not [lon, lat]; write two numbers")
     lon_deg, lat_deg = (_read_degrees(value, where) for value in position[:2])
     if abs(lat_deg) > 90.0 >= abs(lon_deg):
         raise MissionError(

@@ -64,7 +64,9 @@ def clean_ground(
     ground = outer.difference(taken.union(slivers)) if across else outer
     parts = sorted(list_areas(ground), key=lambda part: -part.area)
     if not parts:
-        raise MissionError(f"{source_name}: the obstacles leave nothing of the field")
+        raise MissionError(
+            f"{source_name}: the obstacles leave nothing of the field; make them smaller"
+        )
     holes = [area.exterior for area in inside if parts[0].contains(area)]
     left_out = _name_parts(parts[1:], source_name, frame)
     return shapely.Polygon(parts[0].exterior, [*parts[0].interiors, *holes]), left_out
@@ -109,7 +111,7 @@ def _clean_ring(ring: Ring, name: str, frame: MapFrame) -> BaseGeometry:
         raise MissionError(f"{name} has {len(ring)} corners; an area needs at least 3")
     polygon = shapely.Polygon(ring)
     if polygon.area == 0.0:
-        raise MissionError(f"{name} encloses no area")
+        raise MissionError(f"{name} encloses no area; draw three corners or more")
     cleaned = clean_area(polygon)
     if cleaned is None:
         spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))

@@ -67,9 +67,11 @@ def import_pmtiles(source: Path, target: Path, report: Report) -> tuple[str, ...
             tiles: Iterator[tuple[tuple[int, int, int], bytes]] = all_tiles(get_bytes)
             first = next(tiles, None)
         except Exception as error:  # the library's own errors have no common base
-            raise ConfigError(f"{source.name} is no PMTiles archive: {error}") from error
+            raise ConfigError(
+                f"{source.name} is no PMTiles archive: {error}; copy it anew"
+            ) from error
         if first is None or not is_picture(first[1]):
-            raise ConfigError(f"{source.name} holds no raster tiles (PNG, JPEG or WebP)")
+            raise ConfigError(f"{source.name} holds no raster tiles; use one of PNG, JPEG or WebP")
         degrees = (
             header[f"{edge}_e7"] / 1e7 for edge in ("min_lon", "min_lat", "max_lon", "max_lat")
         )
@@ -121,7 +123,7 @@ def import_from_server(
     if absent + failed == count:
         if is_new:
             target.unlink()
-        raise ConfigError(f"no tile came from {template}: {why}")
+        raise ConfigError(f"no tile came from {template}: {why}; check the address and --bbox")
     return MissingTiles(absent, failed, why)
 
 

@@ -44,16 +44,20 @@ def describe_map(path: Path, shown: str = "") -> dict[str, Any]:
             ).fetchone()
     except sqlite3.Error as error:
         reason = "it takes too long to count its tiles" if _is_stopped(error) else error
-        raise ConfigError(f"{shown or path} is no MBTiles file: {reason}") from error
+        raise ConfigError(
+            f"{shown or path} is no MBTiles file: {reason}; export it anew"
+        ) from error
     is_live = LIVE in known
     if not count and not is_live:
-        raise ConfigError(f"{shown or path} holds no tiles")
+        raise ConfigError(f"{shown or path} holds no tiles; export it anew")
     try:
         bounds = [float(edge) for edge in known.get("bounds", "").split(",") if edge]
         if is_live:
             low, high = int(known["minzoom"]), int(known["maxzoom"])
     except (KeyError, ValueError, AttributeError, TypeError) as error:
-        raise ConfigError(f"{shown or path} has broken metadata: {error}") from error
+        raise ConfigError(
+            f"{shown or path} has broken metadata: {error}; export it anew"
+        ) from error
     return {
         "name": path.stem,
         "minzoom": low,
@@ -124,7 +128,7 @@ def _take_in(source: Path, target: Path) -> None:
         if not known["live"]:
             _note_scheme(target, known["bounds"] or [], source.name)
     except sqlite3.Error as error:
-        raise ConfigError(f"{source} is no MBTiles file: {error}") from error
+        raise ConfigError(f"{source} is no MBTiles file: {error}; export it anew") from error
 
 
 def _note_scheme(target: Path, bounds: list[float], name: str) -> None:
@@ -156,7 +160,9 @@ class TileWriter:
             self.describe(metadata)
             self._scheme = read_scheme(self._database)
         except (OSError, sqlite3.Error) as error:
-            raise ConfigError(f"cannot write the map {path}: {error}") from error
+            raise ConfigError(
+                f"cannot write the map {path}: {error}; free some disk space"
+            ) from error
 
     def __enter__(self) -> Self:
         return self

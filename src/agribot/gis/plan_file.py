@@ -112,7 +112,9 @@ def _read_leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
     except msgspec.ValidationError as error:
         raise MissionError(f"{feature.where}: {error}; plan it again") from error
     if feature.geometry != "LineString" or len(feature.parts[0]) < 2:
-        raise MissionError(f"{feature.where}: a leg must be a LineString of at least 2 points")
+        raise MissionError(
+            f"{feature.where}: a leg must be a LineString of at least 2 points; plan it again"
+        )
     xy = [frame.map_from_geodetic(lat, lon, frame.datum.alt_m)[:2] for lon, lat in feature.parts[0]]
     return Leg(kind=checked_kind, xy_map_m=np.array(xy), row=row)
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.implements.zones import ZoneMap
-from agribot.core.errors import MissionError
+from agribot.core.errors import MissionError, add_advice
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
 from agribot.gis.formats.isoxml import holds_task_data
@@ -46,7 +46,7 @@ def read_prescription(name: str, data: bytes, datum: Datum, column: str = "") ->
     """
     shown = f"'{name[:80]}'"
     if not data:
-        raise MissionError(f"{shown} is empty")
+        raise MissionError(f"{shown} is empty; export it anew")
     parts: Sequence[Zone | RateGrid]
     try:
         if PurePath(name).suffix.lower() == ".zip" and holds_task_data(list_members(data)):
@@ -57,7 +57,8 @@ def read_prescription(name: str, data: bytes, datum: Datum, column: str = "") ->
         raise
     except Exception as error:  # the archive's, the XML's and the numbers' own errors
         reason = " ".join(str(error).split()) or "it is cut off"
-        raise MissionError(f"{shown} cannot be read: {reason}") from error
+        fact = f"{shown} cannot be read: {reason}"
+        raise MissionError(add_advice(fact, "export it anew")) from error
     _check_rates(parts, shown)
     return _draw(parts, MapFrame(datum), shown)
 
@@ -70,7 +71,7 @@ def _read_polygons(name: str, data: bytes, column: str) -> Iterator[Zone]:
     features = read_areas_file(name, data)
     areas = [f for f in features if f["geometry"]["type"] == "Polygon"]
     if not areas:
-        raise ValueError("no zone in it: a zone is a polygon with a rate")
+        raise ValueError("no zone in it; draw polygons with a rate")
     for number, area in enumerate(areas, 1):
         columns = {key.lower(): value for key, value in area["properties"].items()}
         wanted = [column.lower()] if column else [name for name in COLUMNS if name in columns]
@@ -157,14 +158,17 @@ def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
     rings = [np.array([point[:2] for point in ring], dtype=float) for ring in part.rings_deg]
     fewest = min(map(len, rings))
     if fewest < _LEAST_CORNERS:
-        raise MissionError(f"a zone has a ring of {fewest} corners, where an area needs 3")
+        raise MissionError(
+            f"a zone has a ring of {fewest} corners, where an area needs 3; draw it anew"
+        )
     first_deg = rings[0][0, 0]
     for ring in rings:
         ring[:, 0] = _unwrap_deg(ring[:, 0] - first_deg)
     areas = [shapely.Polygon(ring) for ring in rings]
     for area in areas:
         if not area.is_valid:
-            raise MissionError(f"a zone crosses itself near {_locate_fault(area, first_deg)}")
+            place = _locate_fault(area, first_deg)
+            raise MissionError(f"a zone crosses itself near {place}; put its corners in order")
     # Also holes that touch the edge, as a difference in QGIS leaves them.
     polygon = areas[0].difference(shapely.union_all(areas[1:]))
     east_deg = _unwrap_deg(places_deg[:, 0] - first_deg)

@@ -59,7 +59,9 @@ def find_colours(raster: rasterio.DatasetReader, name: str) -> RasterColours:
     Raises: ConfigError: heights, or numbers that are no colours.
     """
     if np.dtype(raster.dtypes[0]).kind not in "uif":
-        raise ConfigError(f"{name}: pixels of type {raster.dtypes[0]} are no picture")
+        raise ConfigError(
+            f"{name}: pixels of type {raster.dtypes[0]} are no picture; export 8 or 16 bits"
+        )
     sample = _read_sample(raster)
     tagged = _find_tagged_alpha(raster)
     is_mask = tagged is not None and _is_mask(sample[tagged - 1])

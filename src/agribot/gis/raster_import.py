@@ -57,7 +57,9 @@ def import_geotiff(source: Path, target: Path, report: Report) -> tuple[str, ...
                         source.name, report)  # fmt: skip
             return () if colours is None else colours.notes
     except rasterio.errors.RasterioError as error:
-        raise ConfigError(f"cannot read {source} as a raster: {error}") from error
+        raise ConfigError(
+            f"cannot read {source} as a raster: {error}; export it as GeoTIFF"
+        ) from error
 
 
 def _draw_tiles(

@@ -50,7 +50,7 @@ def read_plants(mask: Path, label: ByteArray) -> LabelledPlants | None:
     if values.shape != label.shape:
         raise PictureError(
             f"{path}: is {values.shape[1]} x {values.shape[0]} pixels, the mask of classes "
-            f"{label.shape[1]} x {label.shape[0]}"
+            f"{label.shape[1]} x {label.shape[0]}; draw the set anew"
         )
     counted = np.where(label < len(PlantClass), values, 0)
     own, number = np.unique(counted, return_inverse=True)
@@ -70,7 +70,7 @@ def _read_values(path: Path) -> npt.NDArray[np.integer]:
         with Image.open(path) as image:
             return np.asarray(image).astype(np.int64)
     except (OSError, ValueError) as error:
-        raise PictureError(f"{path}: cannot be read ({error})") from error
+        raise PictureError(f"{path}: cannot be read ({error}); draw the set anew") from error
 
 
 def _find_stems(mask: Path, numbers: npt.NDArray[np.integer]) -> FloatArray:
@@ -82,7 +82,9 @@ def _find_stems(mask: Path, numbers: npt.NDArray[np.integer]) -> FloatArray:
     try:
         record = msgspec.json.decode(path.read_bytes(), type=ImageRecord)
     except (OSError, msgspec.DecodeError) as error:
-        raise PictureError(f"{path}: is no record of a drawn picture ({error})") from error
+        raise PictureError(
+            f"{path}: is no record of a drawn picture ({error}); draw the set anew"
+        ) from error
     map_from_camera = np.array(record.map_from_camera)
     rows = {int(number): row for row, number in enumerate(numbers)}
     for plant in record.plants:

@@ -402,7 +402,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     except msgspec.MsgspecError as error:
-        raise RecordingError(f"{path} is not an event log: {error}") from error
+        raise RecordingError(f"{path} is not an event log: {error}; name another file") from error
 
 
 def read_whole_events(path: Path) -> tuple[Event, ...]:

@@ -55,7 +55,9 @@ def recover(source: Path, target: Path) -> Recovery:
             )
         partial.replace(target)
     except OSError as error:
-        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+        raise RecordingError(
+            f"cannot write {target}: {error.strerror or error}; name another file with --out"
+        ) from error
     finally:
         partial.unlink(missing_ok=True)
     return Recovery(

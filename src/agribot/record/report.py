@@ -313,7 +313,9 @@ def read_report(path: Path) -> Report:
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     except msgspec.MsgspecError as error:
-        raise RecordingError(f"{path} is not a run report of this version: {error}") from error
+        raise RecordingError(
+            f"{path} is not a run report of this version: {error}; make it anew with agribot report"
+        ) from error
 
 
 def write_file(path: Path, data: bytes) -> None:

@@ -66,7 +66,9 @@ class RobotFile:
         """
         backups = self._backups()
         if not backups:
-            raise ConfigError(f"{self.path} has no earlier state to go back to")
+            raise ConfigError(
+                f"{self.path} has no earlier state to go back to; calibrate the robot"
+            )
         newest = backups[-1]
         try:
             if newest.stat().st_size:

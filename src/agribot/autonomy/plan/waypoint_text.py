@@ -39,7 +39,7 @@ def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
                     "them is planned at once: give fewer, or several files one after the other"
                 )
     except csv.Error as error:
-        raise MissionError(f"{source_name} is not valid CSV: {error}") from error
+        raise MissionError(f"{source_name} is not valid CSV: {error}; export it anew") from error
     if not found:
         raise MissionError(f"{source_name} holds no waypoints; give at least one")
     return tuple(found)
@@ -64,7 +64,7 @@ def _read_number(value: object, where: str) -> float:
             number = math.nan
         if math.isfinite(number):
             return number
-    raise MissionError(f"{where}: {value!r} is not a number of degrees")
+    raise MissionError(f"{where}: {value!r} is not a number of degrees; write one such as 21.1613")
 
 
 def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
@@ -114,7 +114,9 @@ def _read_geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, o
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
-        raise MissionError(f"{source_name}{place} is not valid JSON: {error}") from error
+        raise MissionError(
+            f"{source_name}{place} is not valid JSON: {error}; export it anew"
+        ) from error
     for geometry, where in _list_geometries(root, source_name):
         yield from _list_positions(geometry, where)
 
@@ -126,7 +128,9 @@ def _list_geometries(node: object, where: str) -> Iterator[tuple[dict[str, objec
     if kind == "FeatureCollection":
         features = node.get("features")
         if not isinstance(features, list):
-            raise MissionError(f"{where}: a FeatureCollection needs a list 'features'")
+            raise MissionError(
+                f"{where}: a FeatureCollection needs a list 'features'; export it anew"
+            )
         for number, feature in enumerate(features):
             yield from _list_geometries(feature, f"{where} feature {number}")
     elif kind == "Feature":
@@ -158,5 +162,5 @@ def _list_positions(
     for number, position in enumerate(coordinates):
         at = where if kind == "Point" else f"{where} position {number}"
         if not isinstance(position, list) or len(position) < 2:
-            raise MissionError(f"{at}: {position!r} is not [lon, lat]")
+            raise MissionError(f"{at}: {position!r} is not [lon, lat]; write two numbers")
         yield (position[1], position[0]), at

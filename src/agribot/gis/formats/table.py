@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from agribot.core.errors import AgribotError, MissionError
+from agribot.core.errors import AgribotError, MissionError, add_advice
 from agribot.core.geometries import split_geometry
 from agribot.core.sqlite_file import read_with_log
 from agribot.gis.field_choice import choose_field, split_choice
@@ -69,9 +69,10 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
         raise
     except Exception as error:  # each library has its own errors for broken files
         reason = " ".join(str(error).split()) or "it is empty or cut off"
-        raise MissionError(f"{shown} cannot be read: {reason}") from error
+        fact = f"{shown} cannot be read: {reason}"
+        raise MissionError(add_advice(fact, "export it anew")) from error
     if not found:
-        raise MissionError(f"{shown} holds no point, line or polygon")
+        raise MissionError(f"{shown} holds no point, line or polygon; draw the field in it")
     changes: Counter[str] = Counter()
     close_lines(found, changes)
     left_out.update(describe_part(part) for part in parts)
@@ -155,7 +156,7 @@ def _read_file(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise MissionError(
-                f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}"
+                f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}; split it"
             )
         return read_field_file(path.name, read_with_log(path))
     except OSError as error:

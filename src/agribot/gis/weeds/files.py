@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from agribot.autonomy.weeds.plant_table import PlantTable
-from agribot.core.errors import AgribotError, RecordingError
+from agribot.core.errors import AgribotError, RecordingError, add_advice
 from agribot.core.whole_file import make_at_once
 from agribot.gis.weeds.found_plants import Reading, tabulate_found
 from agribot.gis.weeds.geopackage_file import read_geopackage, write_geopackage
@@ -64,7 +64,8 @@ def read_map(path: Path, name: str, classes: Mapping[str, str] | None = None) ->
         raise
     except Exception as error:  # each library has its own errors for broken files
         reason = " ".join(str(error).split()) or "it is empty or cut off"
-        raise RecordingError(f"{shown} cannot be read: {reason}") from error
+        fact = f"{shown} cannot be read: {reason}"
+        raise RecordingError(add_advice(fact, "export it anew")) from error
 
 
 def write_map(path: Path, table: PlantTable, suffix: str = "") -> None:

@@ -195,7 +195,9 @@ def _read_std(value: object) -> float:
 def _check_degrees(lonlat_deg: FloatArray, shown: str) -> None:
     if not np.isfinite(lonlat_deg).all():
         at = int(np.argmin(np.isfinite(lonlat_deg).all(axis=1)))
-        raise RecordingError(f"{shown}, plant {at + 1}: its place is no number")
+        raise RecordingError(
+            f"{shown}, plant {at + 1}: its place is no number; remove or correct it"
+        )
     is_null = (lonlat_deg == 0.0).all(axis=1)
     if is_null.any():
         raise RecordingError(f"{shown}, plant {int(np.argmax(is_null)) + 1}: {NOWHERE}")

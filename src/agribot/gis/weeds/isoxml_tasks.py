@@ -80,7 +80,7 @@ def write_tasks(path: Path, table: PlantTable, options: TaskOptions) -> None:
     )  # fmt: skip
     rows = fuse(table).rows
     if not len(rows):
-        raise ConfigError("the weed map is empty: there is nothing to prescribe or to report")
+        raise ConfigError("the weed map is empty; export one with plants")
     device = ET.SubElement(
         root, "DVC", A="DVC1", B="AGRIBOT", D=_UNNAMED_DEVICE, F="01", G="FF000000406E65"
     )

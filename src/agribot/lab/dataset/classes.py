@@ -61,7 +61,7 @@ def read_ids(text: str | None) -> dict[int, int] | None:
                 f"instance --ids {EXAMPLE_IDS} or --ids {EXAMPLE_COLOURS}"
             )
         if key in ids:
-            raise ConfigError(f"--ids {text}: value {value} is given twice")
+            raise ConfigError(f"--ids {text}: value {value} is given twice; give it once")
         ids[key] = NAMES[name]
     if len({key < COLOUR for key in ids}) > 1:
         raise ConfigError(f"--ids {text}: name either values or colours, not both")

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 from agribot.core.messages import PlantClass
 from agribot.core.table_text import find_separator, read_text_file
 from agribot.lab.dataset.classes import COLOUR, NAMES, UNLABELLED, format_key
@@ -66,7 +66,8 @@ def _read_table(path: Path) -> dict[int, str]:
         lines = read_text_file(path).split("\n")
         table = dict(_READERS.get(path.name, _read_rows)(lines))
     except (OSError, ValueError, IndexError) as error:
-        raise ConfigError(f"{path} is no table of colours: {error}") from error
+        fact = f"{path} is no table of colours: {error}"
+        raise ConfigError(add_advice(fact, "delete it, or export it again")) from error
     if not table:
         raise ConfigError(f"{path} names no colour; delete it, or export it again")
     return table

@@ -111,7 +111,10 @@ def list_label_files(inputs: Sequence[Path], tool: str) -> list[Path]:
         found = sorted(p for p in path.rglob("*") if p.suffix.lower() in suffixes)
         found = [one for one in found if not NO_LABELS.fullmatch(one.name)]
         if not found:
-            raise ConfigError(f"{path} has no {' or '.join(sorted(suffixes))} file with labels")
+            raise ConfigError(
+                f"{path} has no {' or '.join(sorted(suffixes))} file with labels; "
+                "name the folder that has them"
+            )
         files += found
     return list(dict.fromkeys(files))
 

@@ -118,7 +118,9 @@ class PhotoRowProfile:
         """
         covered = ndimage.uniform_filter1d(self._sums, 3)
         if not covered.any():
-            raise ConfigError("the network finds no crop in these pictures")
+            raise ConfigError(
+                "the network finds no crop in these pictures; choose another with --model"
+            )
         between = float(np.median(covered[BINS // 4 : BINS // 2]))
         edge = between + EDGE_RATIO * (float(covered.max()) - between)
         is_beyond = (covered <= edge) & (np.arange(BINS) > covered.argmax())

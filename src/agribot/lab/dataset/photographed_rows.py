@@ -88,7 +88,7 @@ def list_photographs(folder: Path) -> Photographs:
     if not found:
         raise ConfigError(
             f"{inner} holds neither the recording of a run, run.mcap, nor a picture "
-            f"({', '.join(sorted(SUFFIXES))})"
+            f"({', '.join(sorted(SUFFIXES))}); name another folder"
         )
     paths = [folder / name for name in found.values()]
     return Photographs(inner, paths, tuple(f"{folder / file}: {why}" for why, file in left_out))

@@ -52,7 +52,9 @@ def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:
             upright = ImageOps.exif_transpose(image) or image
             return _to_rgb(upright, path)
         except (OSError, SyntaxError, ValueError, MemoryError) as error:
-            raise PictureError(f"{path}: cannot be decoded ({_explain(error)})") from error
+            raise PictureError(
+                f"{path}: cannot be decoded ({_explain(error)}); copy it anew"
+            ) from error
 
 
 def resize_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
@@ -75,13 +77,15 @@ def open_mask(path: Path) -> Image.Image:
             image.load()
             return (ImageOps.exif_transpose(image) or image).copy()
         except (OSError, SyntaxError, ValueError, MemoryError) as error:
-            raise PictureError(f"{path}: cannot be decoded ({_explain(error)})") from error
+            raise PictureError(
+                f"{path}: cannot be decoded ({_explain(error)}); copy it anew"
+            ) from error
 
 
 def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
     try:
         if path.stat().st_size == 0:
-            raise PictureError(f"{path}: is empty (0 bytes)")
+            raise PictureError(f"{path}: is empty (0 bytes); copy it anew")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             image = Image.open(path)

@@ -87,7 +87,7 @@ class RecordedPictures:
                     pixels = np.asarray(image.convert("RGB"))
             except (UnidentifiedImageError, OSError) as error:
                 raise RecordingError(
-                    f"{self.path}: picture {number} is broken ({error})"
+                    f"{self.path}: picture {number} is broken ({error}); leave this drive out"
                 ) from error
             if pixels.shape[:2] != self._size_px:
                 raise RecordingError(

@@ -282,7 +282,9 @@ def _make_folders(root: Path) -> Path:
     try:
         found.mkdir(exist_ok=True)
     except OSError as error:
-        raise RecordingError(f"cannot make {found}: {error.strerror}") from error
+        raise RecordingError(
+            f"cannot make {found}: {error.strerror}; copy the photographs where you may write"
+        ) from error
     return found
 
 

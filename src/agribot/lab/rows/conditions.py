@@ -27,7 +27,7 @@ def read_conditions(folder: Path) -> Mapping[str, str]:
             rows = list(csv.DictReader(file))
             found = [(row["picture"], row["condition"]) for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
+        raise ConfigError(f"{path}: cannot be read: {error}; check the path") from error
     except KeyError as error:
         raise ConfigError(
             f"{path}: has no column {error}; its first line is {','.join(COLUMNS)}"

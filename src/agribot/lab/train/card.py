@@ -255,7 +255,8 @@ def read_held_out(path: Path, plan: TrainingPlan) -> HeldOut:
         card = msgspec.json.decode(path.read_bytes(), type=ModelCard)
     except (OSError, msgspec.DecodeError) as error:
         raise ConfigError(
-            f"--scores-from {path}: not the .json of a model card: {error}"
+            f"--scores-from {path}: not the .json of a model card: {error}; name one "
+            "beside its .onnx"
         ) from error
     if not card.test:
         raise ConfigError(f"--scores-from {path}: that training held no images out; use --fold")

@@ -63,7 +63,7 @@ class PictureStack:
         if label.shape != self.shape:
             raise ConfigError(
                 f"pictures of {label.shape} and of {self.shape} (rows, columns): a training cuts "
-                "its batches from pictures of the same size"
+                "its batches from pictures of the same size; scale them to one"
             )
         self.images[index] = torch.from_numpy(image_rgb.copy())
         self.labels[index] = torch.from_numpy(label.copy())

@@ -95,7 +95,7 @@ def convert_to_fp16(source: Path, target: Path) -> None:
     try:
         half = convert_float_to_float16(model, keep_io_types=True, op_block_list=["Resize"])
     except ValueError as error:
-        raise PerceptionError(f"{source}: cannot be made 16-bit ({error})") from error
+        raise PerceptionError(f"{source}: cannot be made 16-bit ({error}); try int8") from error
     onnx.save(half, str(target))
 
 

@@ -71,7 +71,7 @@ def _open(path: Path, unpacked: contextlib.ExitStack) -> Bag:
         raise RecordingError(f"{path} is a ROS 1 bag of version {version}; only 2.0 is read")
     raise RecordingError(
         f"{path} is no recording: it begins with {start[:8]!r}, not like a ROS 1 bag, a rosbag2 "
-        "database or an MCAP file"
+        "database or an MCAP file; name another file"
     )
 
 
@@ -100,7 +100,7 @@ def _unpack(path: Path, unpacked: contextlib.ExitStack) -> tuple[Path, tuple[Dam
             zstandard.ZstdDecompressor().copy_stream(packed, file)
     except zstandard.ZstdError as error:
         if not inner.stat().st_size:
-            raise RecordingError(f"{path} is no sound zstd file: {error}") from error
+            raise RecordingError(f"{path} is no sound zstd file: {error}; copy it anew") from error
         what = f"{path.name}: its compressed data is damaged behind the first "
         damage = (Damage(what=f"{what}{inner.stat().st_size} bytes that it holds"),)
     except OSError as error:
@@ -117,7 +117,8 @@ def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
     files = sorted(file for file in path.iterdir() if file.name.endswith(_PARTS))
     if not files:
         raise RecordingError(
-            f"{path} is no rosbag2 folder: it holds neither metadata.yaml nor .mcap or .db3 files"
+            f"{path} is no rosbag2 folder: it holds neither metadata.yaml nor .mcap or .db3 "
+            "files; name another folder"
         )
     parts, refused = list[Bag](), list[RecordingError]()
     for file in files:

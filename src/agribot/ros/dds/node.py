@@ -82,7 +82,9 @@ class DdsNode:
             self._domain: Any = _join_domain(Domain, domain)
             self._participant: Any = DomainParticipant(domain, qos=user)
         except DDSException as error:
-            raise BridgeError(f"DDS: cannot join domain {domain}: {error}") from error
+            raise BridgeError(
+                f"DDS: cannot join domain {domain}: {error}; check CYCLONEDDS_URI and the network"
+            ) from error
         self._publisher: Any = Publisher(self._participant)
         self._subscriber: Any = Subscriber(self._participant)
         self._kept: list[Any] = []

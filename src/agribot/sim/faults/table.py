@@ -66,7 +66,7 @@ class FaultPlugin(NamedTuple):
 _MOTOR: tuple[Part, ...] = ("motors", "wheels")
 FAULTS = (
     FaultKind(name="gnss.outage", part="gnss",
-              about="the receiver sends nothing, no heading of two antennas either"),
+              about="the receiver sends nothing"),
     FaultKind(name="gnss.jump", part="gnss", typical="2",
               value=Span(unit="m", low=0.01, high=1e6),
               about="all fixes are off by this, in a direction of the seed; status as before"),
@@ -133,18 +133,18 @@ FAULTS = (
               about="frames arrive so late, with true time stamps"),
     FaultKind(name="camera.off", part="camera", about="no frames come"),
     FaultKind(name="network.hung", part="network", named_as=("network", "camera"),
-              about="the network never answers: frames come, and nothing is seen in them"),
+              about="the network never answers"),
     FaultKind(name="bumper.contact", part="bumper",
               about="the bumper in front says that it touches something"),
     FaultKind(name="button.pressed", part="button",
               about="somebody presses the red button"),
     FaultKind(name="inputs.silent", part="inputs", named_as=("inputs", "button"),
-              about="the board stops reporting red button, bumper, battery and motors; the rest "
-                    "goes on (the robot must have them: `safety.must_report`)"),
+              about="the board stops reporting red button, bumper, battery and motors, if the "
+                    "robot must have them (`safety.must_report`)"),
     FaultKind(name="contactor.silent", part="contactor",
-              about="the relay of the contactor is pulled out: it opens, and reports nothing"),
+              about="the contactor's relay is pulled out: it opens and reports nothing"),
     FaultKind(name="contactor.welded", part="contactor",
-              about="the contacts of one contactor are welded: they stay closed on every command"),
+              about="one contactor is welded: it stays closed on every command"),
     FaultKind(name="obstacle.unmapped", part="robot", named_as=("bumper",),
               is_momentary=True,
               about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),

@@ -84,7 +84,7 @@ class Remote:
     def take_seat(self, *, force: bool) -> None:
         refusal = self.ask(wire.TakeSeat(force=force))
         if refusal:
-            raise PlatformError(f"{refusal} (--take-over takes it)")
+            raise PlatformError(f"{refusal}; take the seat with --take-over")
         self.send(wire.ScaleSpeed(ratio=1.0))  # the rates here are scaled already
         self.has_seat = True
 
@@ -127,7 +127,9 @@ class Remote:
             found = None if heard is None else settle(heard)
             if found is not None:
                 return found
-        raise PlatformError(f"the robot did not answer within {ANSWER_S:g} s")
+        raise PlatformError(
+            f"the robot did not answer within {ANSWER_S:g} s; check that its program runs"
+        )
 
     def drive(self, v_mps: float, yaw_rate_radps: float) -> None:
         """Stamped with the robot's clock once that is known: what comes too late is not obeyed."""
@@ -142,7 +144,9 @@ class Remote:
         try:
             self._line.send(wire.encode(message).decode())
         except OSError as error:
-            raise PlatformError(f"the line to the robot is cut: {error}") from error
+            raise PlatformError(
+                f"the line to the robot is cut: {error}; check the network, then start again"
+            ) from error
 
     def listen(self) -> None:
         """Take in what has arrived; the newest state stays in `state`."""
@@ -158,7 +162,9 @@ class Remote:
             data = self._line.receive(timeout_s)
             message = None if data is None else wire.read_server_message(data)
         except OSError as error:
-            raise PlatformError(f"the line to the robot is cut: {error}") from error
+            raise PlatformError(
+                f"the line to the robot is cut: {error}; check the network, then start again"
+            ) from error
         except wire.BadMessage as error:
             raise PlatformError(
                 f"the robot speaks otherwise ({error}); use the same version on both sides"
@@ -171,7 +177,10 @@ class Remote:
         if isinstance(message, wire.State):
             self.state = message
         elif isinstance(message, wire.SeatChange) and self.has_seat and message.seat != "you":
-            raise PlatformError(f"{message.holder or 'somebody else'} has taken the seat")
+            raise PlatformError(
+                f"{message.holder or 'somebody else'} has taken the seat; "
+                "ask them, or take it back with --take-over"
+            )
         elif isinstance(message, wire.Verdict) and message.id in self._pending:
             name = self._pending.pop(message.id)
             self._verdicts.append(f"{name}: {'done' if message.ok else message.reason}")
@@ -188,6 +197,8 @@ def _trust(door: RobotDoor) -> ssl.SSLContext | None:
     try:
         context = ssl.create_default_context(cafile=door.cert or None)
     except OSError as error:  # an SSLError is one
-        raise ConfigError(f"{door.cert} is no certificate in PEM: {error}") from error
+        raise ConfigError(
+            f"{door.cert} is no certificate in PEM: {error}; copy the robot's own"
+        ) from error
     context.check_hostname = not door.cert
     return context

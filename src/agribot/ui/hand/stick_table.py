@@ -250,7 +250,7 @@ def _commands(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
     except UnusableYaml as error:
-        raise ConfigError(f"{path} is not valid YAML: {error}") from error
+        raise ConfigError(f"{path} is not valid YAML: {error}; correct that line") from error
     check_finite(tree, str(path), "")
     try:
         commands = find_commands(tree)
@@ -262,7 +262,7 @@ def _commands(path: Path) -> dict[str, Any]:
             "2's joy_teleop or of teleop_twist_joy"
         )
     if "teleop" in tree and (others := [str(key) for key in tree if key != "teleop"]):
-        raise ConfigError(f"{path}: unknown '{others[0]}' beside 'teleop'")
+        raise ConfigError(f"{path}: unknown '{others[0]}' beside 'teleop'; leave it out")
     return commands
 
 
@@ -283,7 +283,8 @@ def _command(entry: Any, at: str) -> Velocity | Action | Service:
 def _check_velocity(command: Velocity, at: str) -> None:
     if command.topic_name.rpartition("/")[2] != "cmd_vel":
         raise ConfigError(
-            f"{at}.topic_name = '{command.topic_name}': the velocity 'cmd_vel' is the only topic"
+            f"{at}.topic_name = '{command.topic_name}': the velocity 'cmd_vel' is the only topic; "
+            "name that"
         )
     if command.message_type not in TWISTS:
         raise ConfigError(f"{at}.message_type = '{command.message_type}': must be {TWISTS[0]}")
@@ -300,7 +301,7 @@ def _check_velocity(command: Velocity, at: str) -> None:
         if value > LIMITS[target]:
             raise ConfigError(f"{at}: {target} up to {value:g}; at most {LIMITS[target]:g}")
         if [other for other, _ in largest].count(target) > 1:
-            raise ConfigError(f"{at}: {target} is written twice")
+            raise ConfigError(f"{at}: {target} is written twice; leave one out")
 
 
 def _request(name: str, command: Action | Service, at: str) -> HandRequest:

@@ -41,7 +41,9 @@ class KeptMissions:
         try:
             content = path.read_bytes() if path.exists() else b""
         except OSError as error:
-            raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
+            raise ConfigError(
+                f"{path}: cannot be read: {error.strerror or error}; name another folder with --out"
+            ) from error
         self._whole_bytes = content.rfind(b"\n") + 1
         for number, line in enumerate(content[: self._whole_bytes].splitlines(), 1):
             try:
