@@ -32,7 +32,7 @@ def test_no_carrot_is_sprayed_by_a_network_that_knows_none_and_the_reason_is_giv
         f'world="{world}"', "seed=1", 'sim.sensors="rtk"', "duration_s=20",
         "field.row_count=1", "field.row_length_m=3.0", "field.plant_spacing_m=0.05",
         "field.first_row_start_map_m=[-2.0, 1.2]", 'perception.model="agribot-sim"',
-        'treatment.leaves="never"', "record.enabled=false",
+        'treatment.leaves="none"', "record.enabled=false",
     ]  # fmt: skip
     report = run_session("beet", settings, str(tmp_path / "run"))
     assert report.weeds.crops_hit == 0

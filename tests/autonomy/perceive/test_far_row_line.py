@@ -146,7 +146,14 @@ def test_a_front_picture_of_nothing_but_one_class_shows_no_row(plant: PlantClass
     assert find_row_line(class_map, FRONT, 0.0) is None
 
 
-def test_green_shows_rows_that_the_network_does_not_know() -> None:
+@pytest.mark.parametrize(
+    ("leaf", "soil"),
+    [((60, 140, 40), (120, 95, 70)), ((140, 140, 140), (120, 100, 120))],
+    ids=["daylight", "purple"],
+)
+def test_green_shows_rows_that_the_network_does_not_know_whatever_the_white_balance(
+    leaf: tuple[int, int, int], soil: tuple[int, int, int]
+) -> None:
     drawn = draw_rows(np.random.default_rng(5), 0.1, 0.05)
     is_plant = drawn.class_id == PlantClass.CROP
     blind = ClassMap(
@@ -154,7 +161,7 @@ def test_green_shows_rows_that_the_network_does_not_know() -> None:
         confidence=drawn.confidence,
         scale_px=drawn.scale_px,
     )
-    image_rgb = np.where(is_plant[..., None], (60, 140, 40), (120, 95, 70)).astype(np.uint8)
+    image_rgb = np.where(is_plant[..., None], leaf, soil).astype(np.uint8)
     assert find_row_line(blind, FRONT, 0.0) is None
     line = find_row_line(blind, FRONT, 0.0, image_rgb.repeat(2, axis=0).repeat(2, axis=1))
     assert line is not None

@@ -122,3 +122,29 @@ def test_weeds_seen_apart_stay_two_in_the_map_of_the_run_that_goes_on() -> None:
     again.restore(tracks)
     look(again, range(6, 30), lambda index: (make_plant(BIG_M[0], 0.0, WEED, 0.02),))
     assert len(again.weeds()) == 2
+
+
+def drift(weed_map: WeedMap, frames: range, from_y_m: float, to_y_m: float) -> None:
+    """Let a robot see one weed come nearer by 1 cm from picture to picture."""
+    look(
+        weed_map,
+        frames,
+        lambda index: (
+            make_plant(BIG_M[0], max(to_y_m, from_y_m - 0.01 * (index - frames[0])), WEED, 0.02),
+        ),
+    )
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_weed_that_is_joined_to_another_one_stays_apart_from_its_neighbour(order: int) -> None:
+    """One is seen once and badly, then two side by side, which seem to come nearer one by one."""
+    weed_map = WeedMap(WeedConfig())
+    lone = msgspec.structs.replace(make_plant(BIG_M[0], 0.0, WEED, 0.02), std_m=0.05)
+    look(weed_map, range(1), lambda _: (lone,))
+    pair = [make_plant(BIG_M[0], y_m, WEED, 0.02) for y_m in (0.19, 0.24)][::order]
+    look(weed_map, range(1, 4), lambda _: tuple(pair))
+    drift(weed_map, range(4, 50), 0.19, 0.09)
+    assert len(weed_map.plants()) == 2, "the nearer of both has become one with the first"
+    drift(weed_map, range(50, 100), 0.24, 0.165)
+    drift(weed_map, range(100, 150), 0.155, 0.155)
+    assert len(weed_map.plants()) == 2

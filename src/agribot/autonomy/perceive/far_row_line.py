@@ -21,7 +21,7 @@ from agribot.autonomy.perceive.far_view import (
     RowGrid,
 )
 from agribot.autonomy.perceive.picture_rows import measure_contrast
-from agribot.autonomy.perceive.plant_cover import excess_green, measure_cover
+from agribot.autonomy.perceive.plant_cover import excess_green, level_green, measure_cover
 from agribot.core.messages import ByteArray, FloatArray
 
 PLANTS = 400.0  # independent ones as which a picture counts
@@ -81,7 +81,7 @@ def measure_far_contrast(class_map: ClassMap, image_rgb: ByteArray | None) -> Fl
     if image_rgb is None:
         green = np.full(class_id.shape, NO_GREEN)
     else:
-        green = _spread_cells(_measure_green(image_rgb), class_id.shape)
+        green = level_green(_spread_cells(_measure_green(image_rgb), class_id.shape), class_id)
     return measure_contrast(measure_cover(green, class_id, class_map.confidence), CELLS)
 
 

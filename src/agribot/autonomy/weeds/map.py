@@ -273,6 +273,7 @@ class WeedMap:
             one, other = weeds[i][0], weeds[j][0]
             if gap_m > self._one_place_m:
                 one.apart.add(other.id)
+                other.apart.add(one.id)
             else:
                 one.apart.discard(other.id)
                 other.apart.discard(one.id)
@@ -303,9 +304,15 @@ class WeedMap:
                 return
             elif self._is_same(track, other, t_s):
                 track, gone = (track, other) if track.id < other.id else (other, track)
-                self._remove(gone)
-                track.absorb(gone)
-                self._settle(track)
+                self._join(track, gone)
+
+    def _join(self, track: Track, gone: Track) -> None:
+        """Let a track absorb another one, whose neighbours are now seen apart from it."""
+        self._remove(gone)
+        track.absorb(gone)
+        self._settle(track)
+        for id in gone.apart & self._tracks.keys():
+            self._tracks[id].apart.add(track.id)
 
     def _is_same(self, track: Track, other: Track, t_s: float) -> bool:
         """Near, and of the same class or with too little seen of one to say."""
