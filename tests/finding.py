@@ -36,6 +36,9 @@ def is_like(found: object, wanted: object, within: float = SHOWN) -> bool:
     if isinstance(wanted, Fact):
         pairs = ((getattr(found, name, None), value) for name, value in wanted.values)
         return type(found) is type(wanted) and all(is_like(*pair, within) for pair in pairs)
+    if isinstance(wanted, tuple) and isinstance(found, tuple):
+        same = (is_like(*pair, within) for pair in zip(found, wanted, strict=False))
+        return len(found) == len(wanted) and all(same)
     if isinstance(wanted, float) and isinstance(found, float | int):
         is_nan = math.isnan(wanted) and math.isnan(found)
         return is_nan or math.isclose(found, wanted, rel_tol=0.0, abs_tol=within)
@@ -43,7 +46,7 @@ def is_like(found: object, wanted: object, within: float = SHOWN) -> bool:
 
 
 def holds(fact: Fact | None, *wanted: Fact | type[Fact], within: float = SHOWN) -> bool:
-    """Whether each of these facts, or one of each of these classes, is a fact or inside it."""
+    """Whether each of these facts, or one of each of these classes, is the fact or inside it."""
     facts = tuple(list_facts(fact))
     return all(
         any(isinstance(one, each) if isinstance(each, type) else is_like(one, each, within)

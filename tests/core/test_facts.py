@@ -147,6 +147,8 @@ def list_values(hint: Any) -> list[Any]:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if GnssSilent in args:
         return [GnssSilent(1.0), *([None] if type(None) in args else [])]
+    if isinstance(hint, type) and issubclass(hint, Fact):
+        return list_samples(hint)
     if origin is typing.Literal:
         return list(args)
     if origin is tuple:
@@ -155,7 +157,7 @@ def list_values(hint: Any) -> list[Any]:
     if args:  # of a union with None
         return [value for each in args for value in list_values(each)][:3]
     plain: dict[Any, list[Any]] = {
-        float: [1.0], int: [1, 2], str: ["word"], bool: [False, True], type(None): [None],
+        float: [1.0, 0.0], int: [1, 2], str: ["word"], bool: [False, True], type(None): [None],
     }  # fmt: skip
     return plain[hint]
 

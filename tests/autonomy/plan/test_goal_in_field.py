@@ -12,6 +12,8 @@ from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.curves import Place
 from agribot.core.errors import MissionError
+from agribot.core.facts import ThereAlready
+from agribot.core.refusal import MissionRefusal
 from tests.autonomy.plan.fields import REQUEST, ROW_REQUEST, ROWS, SHAPE, WITH_HOLE, certified
 
 HALF_TURN_M = SHAPE.turn_radius_m
@@ -59,7 +61,6 @@ def test_the_robot_ends_as_it_is_to_look(meadow: FieldWork, yaw_deg: float) -> N
         ((10.0, 7.0, None), "in an obstacle"),
         ((0.3, 0.3, None), "too near to an edge"),
         ((0.75, 6.5, 0.0), "no room to look that way"),
-        ((*START, None), "there already"),
     ],
 )
 def test_a_place_that_cannot_be_driven_to_is_refused(
@@ -67,6 +68,12 @@ def test_a_place_that_cannot_be_driven_to_is_refused(
 ) -> None:
     with pytest.raises(MissionError, match=why):
         meadow.plan_to(START, goal)
+
+
+def test_a_goal_where_the_robot_stands_is_refused(meadow: FieldWork) -> None:
+    with pytest.raises(MissionRefusal) as refused:
+        meadow.plan_to(START, (*START, None))
+    assert refused.value.fact == ThereAlready()
 
 
 def test_crop_is_no_place_and_no_way(crop: FieldWork) -> None:

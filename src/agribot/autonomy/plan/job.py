@@ -260,7 +260,7 @@ class MissionJob:
         if undone:
             return "failed", RowsUndriven(tuple(undone))
         if unproven:
-            named = tuple(self.rows.missing(row) for row in unproven[:MOST_NAMED])
-            return "failed", RowsUnproven(named, len(unproven) - len(named))
+            named = tuple(map(self.rows.object_to, unproven[:MOST_NAMED]))
+            return "failed", RowsUnproven(rows=named, more=len(unproven) - len(named))
         skipped = tuple(self.rows.skipped)
         return "done", RowsSkipped(skipped) if skipped else None

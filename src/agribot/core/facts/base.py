@@ -53,7 +53,11 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
     @property
     def inner(self) -> tuple[Fact, ...]:
         """The facts that it holds."""
-        return tuple(value for _, value in self.values if isinstance(value, Fact))
+        found: list[Fact] = []
+        for _, value in self.values:
+            several = value if isinstance(value, tuple) else (value,)
+            found += [one for one in several if isinstance(one, Fact)]
+        return tuple(found)
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -66,7 +70,7 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
     @property
     def kind(self) -> tuple[object, ...]:
         """The part that stays the same while only numbers change."""
-        values = (value.kind if isinstance(value, Fact) else value for _, value in self.values)
+        values = (_find_kind(value) for _, value in self.values)
         return (self.code, *(value for value in values if not _is_number(value)))
 
     @property
@@ -92,6 +96,12 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
     def holds(self, other: Fact) -> bool:
         """Whether it is the same but for numbers as another, or a fact inside it is."""
         return self.kind == other.kind or any(fact.holds(other) for fact in self.inner)
+
+
+def _find_kind(value: object) -> object:
+    if isinstance(value, tuple):
+        return tuple(map(_find_kind, value))
+    return value.kind if isinstance(value, Fact) else value
 
 
 def _is_number(value: object) -> bool:

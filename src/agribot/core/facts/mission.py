@@ -224,15 +224,33 @@ class RowsUndriven(Fact, frozen=True):
     rows: tuple[int, ...]
 
 
-class RowsUnproven(Fact, frozen=True):
-    """Rows were driven without evidence: what each lacks, and how many more there are."""
+class RowUnproven(Fact, frozen=True):
+    """A row, counted from 1, was driven without evidence, over these lengths; 0: it was counted.
 
-    said: tuple[str, ...]
-    more: int
+    The position was too uncertain to exclude the next row over `unsure_m`.
+    """
+
+    row: int
+    unseen_m: float = 0.0
+    unsure_m: float = 0.0
 
     @property
     def variant(self) -> str:
-        return "more" if self.more else "all"
+        if self.unseen_m and self.unsure_m:
+            return "both"
+        return "unseen" if self.unseen_m else "unsure" if self.unsure_m else "counted"
+
+
+class RowsUnproven(Fact, frozen=True):
+    """Rows were driven without evidence, some of them named; in words of an earlier version."""
+
+    said: tuple[str, ...] = ()
+    more: int = 0
+    rows: tuple[RowUnproven, ...] = ()
+
+    @property
+    def variant(self) -> str:
+        return ("said" if self.said else "known") + ("_more" if self.more else "")
 
 
 class WaypointsMissed(Fact, frozen=True):
