@@ -29,7 +29,7 @@ def find(fact: Fact | None, kind: type[Kind]) -> Kind:
 
 
 def is_like(found: object, wanted: object, within: float = SHOWN) -> bool:
-    """Whether a value of a fact, or a fact, is as wanted; numbers may be off by so much.
+    """Whether a value of a fact, or a fact, is as wanted; numbers may be off by `within`.
 
     `unittest.mock.ANY` in a field stands for any value of it.
     """
