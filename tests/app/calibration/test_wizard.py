@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import msgspec
 import pytest
@@ -16,10 +17,12 @@ from agribot.app.calibration.wizard import Wizard
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.core import config
+from agribot.core.facts import SensorSilent
 from agribot.core.messages import STOP, Inbox, TickRecord, Who
 from agribot.description.loader import load_robot
 from tests import nightly
 from tests.asking import BY_WORD
+from tests.finding import is_like
 from tests.waiting import wait_for
 
 SETTINGS = (
@@ -219,7 +222,7 @@ def test_a_robot_that_is_held_gives_up_and_says_why(bench: Bench) -> None:
 
     bench.session.platform = Deaf()
     ended = bench.tick_until(lambda _: bench.phase() == "failed")
-    assert "wheel encoders silent" in bench.do("look")["now"]["reason"]
+    assert is_like(ended.status.stopped_fact, SensorSilent("wheels", ANY, ANY, ANY))
     assert bench.do("look")["now"]["reason"] == ended.status.stopped, "at once, in its own words"
     still = bench.tick_until(lambda record: record.command.drive == STOP)
     assert still.batch.t_s == pytest.approx(ended.batch.t_s, abs=0.05)
