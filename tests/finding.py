@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from agribot.core.facts import Fact
+from agribot.record.events import Event
 
 Kind = TypeVar("Kind", bound=Fact)
 SHOWN = 0.0051  # half of the last decimal that a text shows
@@ -53,3 +54,8 @@ def holds(fact: Fact | None, *wanted: Fact | type[Fact], within: float = SHOWN) 
             for one in facts)
         for each in wanted
     )  # fmt: skip
+
+
+def list_codes(events: Iterable[Event]) -> set[str]:
+    """List the codes of the facts of events, and of those inside them."""
+    return {code for event in events for code in (event.code, *event.causes)}

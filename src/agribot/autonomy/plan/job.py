@@ -27,7 +27,6 @@ from agribot.core.facts import (
     RowsSkipped,
     RowsUndriven,
     RowsUnproven,
-    Said,
     WaypointsMissed,
 )
 from agribot.core.messages import Estimate, MissionState, Path
@@ -256,7 +255,7 @@ class MissionJob:
         if missed:
             return "failed", WaypointsMissed(tuple(missed), self._config.waypoint_radius_m)
         if self.task.explorer is not None and self.task.explorer.unfinished:
-            return "failed", Said(self.task.explorer.unfinished)
+            return "failed", self.task.explorer.unfinished
         if undone:
             return "failed", RowsUndriven(tuple(undone))
         if unproven:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from agribot.core.facts.base import Fact, Severity
+from agribot.core.facts.base import Fact, Part, Severity
 
 if TYPE_CHECKING:
     from agribot.core.facts.base import AnyFact
@@ -251,6 +251,20 @@ class RowsUnproven(Fact, frozen=True):
     @property
     def variant(self) -> str:
         return ("said" if self.said else "known") + ("_more" if self.more else "")
+
+
+class NoRowInView(Fact, frozen=True):
+    """An exploring robot found no row over this way."""
+
+    about: ClassVar[tuple[Part, ...]] = ("crop",)
+    way_m: float
+
+
+class RowOutOfView(Fact, frozen=True):
+    """The camera of an exploring robot shows no more of a row, counted from 1."""
+
+    about: ClassVar[tuple[Part, ...]] = ("camera",)
+    row: int
 
 
 class WaypointsMissed(Fact, frozen=True):
