@@ -97,6 +97,9 @@ def test_pages_of_two_languages_follow_one_robot() -> None:
     live = wire.LiveState(mode="stopped", stop=render(STOP), stop_fact=STOP)
     german.tell(live)
     assert "angehalten von Ann" in (german.take() or "")
+    german.tell(wire.Verdict(id="1", ok=False, reason=render(REFUSED), reason_fact=REFUSED))
+    verdict = msgspec.json.decode(german.take() or "", type=wire.Verdict)
+    assert verdict == wire.Verdict(id="1", ok=False, reason=render(REFUSED, "de"))
 
 
 def test_the_log_has_the_facts_of_its_events_in_german() -> None:

@@ -22,9 +22,11 @@ from agribot.core.facts import (
     PositionAwaited,
     PositionLost,
     ResumeAwaited,
+    RowsUnknown,
     Said,
     SpeedRefused,
     StartUnsure,
+    WaypointPassed,
     WaypointsMissed,
 )
 from agribot.core.messages import ChangeSetting, Estimate, Goal, Path
@@ -303,14 +305,14 @@ def test_a_refused_plan_fails_the_mission_with_the_planners_words() -> None:
 def test_a_path_that_misses_its_waypoints_is_refused(path: Path) -> None:
     goal = Ride(Mission(PaperTask(lambda _: path, ROWS, [(50.0, 50.0)]), MISSION)).settle()
     assert goal.status.state == "failed"
-    assert "passes waypoint 1 at" in goal.status.reason
+    assert is_like(goal.status.fact, WaypointPassed(1, ANY, MISSION.waypoint_radius_m))
 
 
 def test_a_path_over_unknown_rows_is_refused() -> None:
     farm_path = plan_rows(lay_rows(FARM), FARM_START, rover(), MISSION)
     goal = Ride(Mission(PaperTask(lambda _: farm_path, ROWS), MISSION)).settle()
     assert goal.status.state == "failed"
-    assert "rows [2, 3, 4, 5]" in goal.status.reason
+    assert goal.status.fact == RowsUnknown((2, 3, 4, 5))
 
 
 def test_the_time_left_follows_a_change_of_speed(ride: Ride, path: Path) -> None:

@@ -150,3 +150,133 @@ class CarriedAway(MissionNote, frozen=True):
     x_map_m: float
     y_map_m: float
     limit_m: float
+
+
+class NoAnswer(MissionNote, frozen=True):
+    """The robot did not answer a request in time."""
+
+    limit_s: float
+
+
+class NoFrameSeen(MissionNote, frozen=True):
+    """The network has not seen a picture yet."""
+
+
+class CalibrationRuns(MissionNote, frozen=True):
+    """A calibration is under way."""
+
+
+class NothingSeen(MissionNote, frozen=True):
+    """The robot has no pictures for a calibration."""
+
+
+class NoResult(MissionNote, frozen=True):
+    """No calibration has a result to take over."""
+
+
+class NoSuchCalibration(MissionNote, frozen=True):
+    """The robot has no calibration of this name; `known` are those that it has."""
+
+    name: str
+    known: str
+
+
+class AtHome(MissionNote, frozen=True):
+    """The robot is at home."""
+
+
+class NoRoomToFace(MissionNote, frozen=True):
+    """The robot cannot look that way at a place."""
+
+    x_map_m: float
+    y_map_m: float
+
+
+class FarFromGround(MissionNote, frozen=True):
+    """A place is too far from the ground on which the robot may drive."""
+
+    x_map_m: float
+    y_map_m: float
+    away_m: float
+    limit_m: float
+
+
+class WayRefused(MissionNote, frozen=True):
+    """The certificate of a way there is not given, for a reason of the planner."""
+
+    cause: AnyFact
+
+
+class WayCrossesCrop(MissionNote, frozen=True):
+    """The way would cross crop, for a reason of the planner."""
+
+    cause: AnyFact
+
+
+class NoHeadland(MissionNote, frozen=True):
+    """The crop rows leave no headland."""
+
+
+class NoClearWay(MissionNote, frozen=True):
+    """No way to the field keeps off the crop, and off obstacles where there are any."""
+
+    x_map_m: float
+    y_map_m: float
+    crop_m: float
+    obstacles_m: float | None = None
+
+    @property
+    def variant(self) -> str:
+        return "plain" if self.obstacles_m is None else "obstacles"
+
+
+class WaypointPassed(MissionNote, frozen=True):
+    """A path passes a waypoint at too great a distance."""
+
+    waypoint: int
+    away_m: float
+    limit_m: float
+
+
+class RowsUnknown(MissionNote, frozen=True):
+    """A path works rows that the field has not."""
+
+    rows: tuple[int, ...]
+
+
+class NoWaypoints(MissionNote, frozen=True):
+    """A list of waypoints is empty."""
+
+
+class WaypointFar(MissionNote, frozen=True):
+    """A waypoint is too far from a robot of this name."""
+
+    waypoint: int
+    robot: str
+    away_m: float
+    limit_m: float
+
+
+class WaypointsSame(MissionNote, frozen=True):
+    """Two waypoints are one place."""
+
+    first: int
+    second: int
+
+
+class VisitPathOnly(MissionNote, frozen=True):
+    """A visit drives its own path only."""
+
+    name: str
+
+
+class PlaceUnfit(MissionNote, frozen=True):
+    """The robot cannot turn at a place."""
+
+    x_map_m: float
+    y_map_m: float
+    lies: Literal["beyond", "obstacle", "crop", "edge"]
+
+    @property
+    def variant(self) -> str:
+        return self.lies
