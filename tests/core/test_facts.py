@@ -153,7 +153,7 @@ def list_values(hint: Any) -> list[Any]:
         return list(args)
     if origin is tuple:
         one, *_ = list_values(args[0])
-        return [(one,), (one, one)]
+        return [(), (one,), (one, one)]
     if args:  # of a union with None
         return [value for each in args for value in list_values(each)][:3]
     plain: dict[Any, list[Any]] = {
