@@ -184,10 +184,12 @@ LOOKED_INTO = {
 # line of a board in a terminal.
 RENDERED = frozenset(
     {
-        "app/stop_memory.py", "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
+        "app/localization/log_pictures.py", "app/stop_memory.py",
+        "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
         "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
-        "autonomy/plan/answers.py", "autonomy/plan/mission.py", "autonomy/plan/status.py",
-        "autonomy/stack.py", "drivers/board_probe.py", "record/events.py",
+        "autonomy/perceive/plants.py", "autonomy/plan/answers.py", "autonomy/plan/mission.py",
+        "autonomy/plan/status.py", "autonomy/stack.py", "drivers/board_probe.py",
+        "record/events.py",
     }
 )  # fmt: skip
 

@@ -35,6 +35,7 @@ from agribot.core.facts import (
     Said,
     StopCleared,
     StopToClear,
+    TooDark,
     Wheel,
     WheelsWrong,
 )
@@ -328,7 +329,7 @@ def test_a_camera_or_a_network_that_fails_is_named_and_the_tool_goes_off(
 
 def test_the_tool_is_off_while_the_plants_that_the_camera_names_are_in_doubt() -> None:
     gate = Gate().cruise()
-    for doubt, is_on in ((None, True), (PictureUnfit("picture is too dark"), False), (None, True)):
+    for doubt, is_on in ((None, True), (PictureUnfit(cause=TooDark()), False), (None, True)):
         for _ in range(3):
             gate.rover.t_s += TICK_S
             estimate = gate.believed(plants_fact=doubt)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from agribot.core.facts.base import Fact, Part, Severity
+
+if TYPE_CHECKING:
+    from agribot.core.facts.base import AnyFact
 
 
 class _OfCamera(Fact, frozen=True):
@@ -38,14 +41,50 @@ class PictureMirrored(_OfCamera, frozen=True):
     """The picture turns against the turns of the robot."""
 
 
-class PictureUnfit(_OfCamera, frozen=True):
-    """Pictures show nothing to go by; `why` is what the perception says of them."""
+class TooDark(_OfCamera, frozen=True):
+    """A picture is too dark."""
 
-    why: str
+
+class Overexposed(_OfCamera, frozen=True):
+    """A picture is white over this share of it."""
+
+    white_ratio: float
+
+
+class OneBrightness(_OfCamera, frozen=True):
+    """A picture is of one brightness, of 255."""
+
+    level: float
+
+
+class PictureNoisy(_OfCamera, frozen=True):
+    """A picture is noise."""
+
+
+class OutOfFocus(_OfCamera, frozen=True):
+    """A picture is out of focus."""
+
+
+class PlantsStrange(_OfCamera, frozen=True):
+    """The network does not know these plants in this light."""
+
+    doubt: float
+    limit: float
+
+
+class PictureUnfit(_OfCamera, frozen=True):
+    """Pictures show nothing to go by; in words of a recording of an earlier version."""
+
+    why: str = ""
+    cause: AnyFact | None = None
 
     @property
     def kind(self) -> tuple[object, ...]:
         return (self.code,)
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
 
 
 class CropUnknown(_OfCamera, frozen=True):
