@@ -30,6 +30,8 @@ from agribot.core.facts import (
     HeadingUnknown,
     InputSilent,
     NoPosition,
+    RowsUnproven,
+    RowUnproven,
     Said,
     SensorSilent,
     StoppedBy,
@@ -52,6 +54,8 @@ def test_a_fact_knows_its_code_the_parts_at_fault_and_its_numbers() -> None:
     assert LOST.numbers == {"silent_s": 3.02, "std_m": 0.31, "limit_m": 0.3}
     assert SensorSilent("imu", math.inf, 1.0, "cable").numbers == {"limit_s": 1.0}
     assert InputSilent("red button", 1.0, 0.3).parts == ("inputs", "button")
+    rows = RowsUnproven(rows=(RowUnproven(2, 4.0), RowUnproven(3)))
+    assert (rows.causes, rows.numbers) == (("row_unproven",) * 2, {"more": 0.0})
 
 
 def test_two_facts_are_the_same_while_only_their_numbers_change() -> None:

@@ -75,10 +75,14 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Its finite numbers by name, and those of the facts inside it under names of their own."""
+        """Its finite numbers by name, and those of the facts inside it under names of their own.
+
+        A field with several facts adds none: they have the same names.
+        """
         found: dict[str, float] = {}
-        for fact in self.inner:
-            found.update(fact.numbers)
+        for _, value in self.values:
+            if isinstance(value, Fact):
+                found.update(value.numbers)
         own = {name: value for name, value in self.values if _is_number(value)}
         found.update({name: float(value) for name, value in own.items() if math.isfinite(value)})
         return found
