@@ -50,7 +50,7 @@ nightly: $(VENV)/.dev
 
 # Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): no test of these folders
 # depends on wording.
-CODED := tests/autonomy tests/app tests/core
+CODED := tests/autonomy tests/app tests/core tests/mission tests/ui
 facts-as-codes: $(VENV)/.dev
 	$(BIN)/python -m pytest $(WORKERS) $(AGAIN) -p tests.facts_as_codes $(or $(TESTS),$(CODED))
 
