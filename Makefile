@@ -29,7 +29,7 @@ SHARDS := $(FARM) tests/mission+--ignore=$(FARM) tests/ui tests/lab tests/autono
 # start and each test process compiles all of it anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test nightly quick quick-tests check pages generate format lint types clean
+.PHONY: run test nightly facts-as-codes quick quick-tests check pages generate format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
@@ -47,6 +47,12 @@ nightly: $(VENV)/.dev
 	failed=0; for shard in $(or $(TESTS),$(SHARDS)); do \
 	  $(BIN)/python -m pytest $(WORKERS) $(AGAIN) $(NIGHTLY) $$(echo $$shard | tr + ' ') || failed=1; \
 	done; exit $$failed
+
+# Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): no test of these folders
+# depends on wording.
+CODED := tests/autonomy tests/app tests/core tests/mission tests/ui
+facts-as-codes: $(VENV)/.dev
+	$(BIN)/python -m pytest $(WORKERS) $(AGAIN) -p tests.facts_as_codes $(or $(TESTS),$(CODED))
 
 # While working: it proves less than `make test`.
 quick: $(VENV)/.dev

@@ -1,14 +1,24 @@
 """A plugin that writes facts as `code(field=value)`: `pytest -p tests.facts_as_codes`.
 
-A test that then fails is one of words. Programs that a test starts are not reached.
+A test that then fails is one of words; those of the tables themselves are left out. Programs that a
+test starts are not reached.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 
 from agribot.core import fact_text
 from agribot.core.facts import KINDS
+
+TABLES = Path(__file__).parent / "core" / "test_facts.py"
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave out the tests of the texts."""
+    return True if collection_path == TABLES else None
 
 
 def pytest_configure(config: pytest.Config) -> None:

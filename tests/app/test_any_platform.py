@@ -24,6 +24,7 @@ from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.cli.main import main
 from agribot.core import config, platforms
 from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.facts import StoppedBy
 from agribot.core.messages import Inbox, PressStop, RobotCommand, SensorBatch, Who
 
 BENCH = '''
@@ -223,7 +224,7 @@ def test_requests_reach_any_platform_through_its_inbox(bench: str, tmp_path: Pat
         ticks = run.ticks()
         next(ticks)
         run.inbox.post(PressStop(), Who("a person"))
-        assert next(ticks).status.stopped == "stopped by a person"
+        assert next(ticks).status.stopped_fact == StoppedBy("a person")
         assert "my_bench" in sys.modules
 
 

@@ -18,6 +18,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import ANY
 
 import pytest
 
@@ -26,7 +27,18 @@ from agribot.app.run import Run
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import PlatformError
-from agribot.core.facts import Disarmed
+from agribot.core.facts import (
+    BoardHoldsStop,
+    BoardStopped,
+    ButtonPressed,
+    ContactorInTrouble,
+    Disarmed,
+    Fact,
+    FarFromMap,
+    MotorsReportFault,
+    RelayLost,
+    SensorSilent,
+)
 from agribot.core.geo import Datum
 from agribot.core.messages import ClearStop, TickRecord, Who
 from agribot.drivers import hardware_platform
@@ -36,6 +48,7 @@ from agribot.ui import wire
 from tests import nightly
 from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.lines import Line, Opened
+from tests.finding import find, holds
 from tests.ui.client import Page
 from tests.ui.page.robots import resumed_with_page
 from tests.waiting import PATIENCE_S, interrupted_once, wait_for
@@ -245,21 +258,21 @@ def pull_out(bench: HardwareBench) -> None:
 @pytest.mark.parametrize(
     ("harm", "why"),
     [
-        (press, "the red button is pressed"),
-        (brown_out, "the motor board holds a stop: it was switched on, or reset"),
-        (break_motor, "right rear motor reports a fault"),
-        (fall_silent, "wheel encoders silent"),
-        (pull_out, "wheel encoders silent"),
+        (press, ButtonPressed()),
+        (brown_out, BoardHoldsStop(cause=BoardStopped(("began",)))),
+        (break_motor, MotorsReportFault(("right_wheel_R",))),
+        (fall_silent, SensorSilent("wheels", ANY, ANY, ANY)),
+        (pull_out, SensorSilent("wheels", ANY, ANY, ANY)),
     ],
 )
 def test_whatever_befalls_the_board_stops_the_robot_with_the_reason(
-    harm: object, why: str, bench: HardwareBench, tmp_path: Path
+    harm: object, why: Fact, bench: HardwareBench, tmp_path: Path
 ) -> None:
     assert callable(harm)
     with armed(bench, tmp_path / "run") as run:
         harm(bench)
         record = until(run, lambda r: r.status.stopped, by_hand=True)
-        assert why in record.status.stopped
+        assert holds(record.status.stopped_fact, why)
         assert record.command.drive.v_mps == 0.0
         wait_for(lambda: not any(map(round, bench.board.speed_countps)), "the wheels to stand")
 
@@ -342,8 +355,8 @@ def test_a_relay_that_is_pulled_out_stops_the_robot_and_is_named(
     with with_contactor(bench, relay, tmp_path / "run") as run:
         relay.line.unplug()
         record = until(run, lambda r: r.status.stopped, by_hand=True)
-        assert "the contactor does not answer: its line" in record.status.stopped
-        assert str(relay.line.path) in record.status.stopped
+        lost = RelayLost(str(relay.line.path))
+        assert record.status.stopped_fact == ContactorInTrouble(cause=lost)
 
 
 def test_a_stop_outlives_the_program_until_a_person_clears_it(
@@ -541,9 +554,11 @@ def test_a_robot_on_another_continent_than_its_map_stands_and_names_both_places(
 ) -> None:
     with open_bench(elsewhere, tmp_path / "run", is_armed=True) as run:
         run.take_sensors([Opened().open("gnss", f"serial:{elsewhere.gnss.path}")])
-        record = until(run, lambda r: "origin" in r.status.reason)
-        assert "the receiver is at 48.700" in record.status.reason
-        assert "the map's origin at 21.16129, 72.78702" in record.status.reason
+        record = until(run, lambda r: holds(r.status.fact, FarFromMap))
+        far = find(record.status.fact, FarFromMap)
+        assert far.lat_deg == pytest.approx(48.7, abs=5e-4)
+        origin = (far.origin_lat_deg, far.origin_lon_deg)
+        assert origin == pytest.approx((21.16129, 72.78702), abs=1e-5)
         assert run.stack.mission.path is None
 
 

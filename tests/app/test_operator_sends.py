@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import ANY
 
 import pytest
 
@@ -14,6 +15,7 @@ from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
+from agribot.core.facts import AtGoal, BeyondFence, ErrandRefused, NewTask, RobotDrives, TaskRefused
 from agribot.core.messages import (
     AnyRequest,
     ControlMission,
@@ -27,6 +29,7 @@ from agribot.gis.plan_file import format_plan
 from agribot.record.replay import read_ticks
 from tests import nightly
 from tests.asking import go_to
+from tests.finding import holds, is_like
 
 SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
 GOAL = (-1.0, 5.0)
@@ -79,7 +82,7 @@ def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
     sent: tuple[SimulatedRun, Path],
 ) -> None:
     session, out = sent
-    waiting = [t for t in read_ticks(out / "run.mcap") if "at the goal" in t.status.reason]
+    waiting = [t for t in read_ticks(out / "run.mcap") if isinstance(t.status.fact, AtGoal)]
     here = waiting[-1].estimate
     assert math.dist((here.x_map_m, here.y_map_m), GOAL) < 0.1
     assert abs(here.yaw_map_rad) < 0.1
@@ -91,9 +94,10 @@ def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
 @pytest.mark.figures
 def test_every_request_and_refusal_is_told(sent: tuple[SimulatedRun, Path]) -> None:
     session, out = sent
-    told = [event.reason for event in session.event_log.events]
-    assert any("goal refused: " in reason and "beyond the fence" in reason for reason in told)
-    assert any(reason.startswith("goto -1.000, 5.000") for reason in told)
+    events = session.event_log.events
+    refused = ErrandRefused("goal", BeyondFence(40.0, 40.0, ANY))
+    assert any(is_like(event.fact, refused) for event in events)
+    assert any(event.reason.startswith("goto -1.000, 5.000") for event in events)
     report = json.loads((out / "report.json").read_text())
     (mark,) = report["marks"]
     assert mark["reason"] == "a stone (Ada)"
@@ -134,9 +138,9 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
         9.0: ControlMission(action="resume"),
     }
     session = drive(out, script, ["duration_s=14"], is_done)
-    told = [event.reason for event in session.event_log.events]
-    assert "plan refused: the robot drives; pause its mission first" in told
-    assert any("new plan from Ada" in reason for reason in told)
+    told = [event.fact for event in session.event_log.events]
+    assert TaskRefused("plan", RobotDrives()) in told
+    assert any(holds(fact, NewTask("plan", "Ada")) for fact in told)
     assert session.last is not None
     assert session.last.status.rows_total == len(session.rows) > 1
     assert json.loads((out / "report.json").read_text())["mission"]["rows_total"] > 1

@@ -16,6 +16,7 @@ from agribot.autonomy.plan.planning import PlanningDesk
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError
+from agribot.core.facts import PlanningWay
 from agribot.core.messages import (
     AnyRequest,
     ControlMission,
@@ -136,11 +137,11 @@ def test_the_robot_stands_while_it_plans_and_says_so(
     runs: tuple[list[TickRecord], Path],
 ) -> None:
     ticks, _ = runs
-    told = list(dict.fromkeys((t.status.state, t.status.leg, t.status.reason) for t in ticks))
+    told = list(dict.fromkeys((t.status.state, t.status.leg, t.status.fact) for t in ticks))
     legs = [leg for _, leg, _ in told]
     assert legs.index("checks the plan") < legs.index("stops first") < legs.index("to the goal")
-    assert any(reason == "planning the way" for _, _, reason in told)
-    planning = [t for t in ticks if t.status.reason == "planning the way"]
+    assert any(fact == PlanningWay() for _, _, fact in told)
+    planning = [t for t in ticks if t.status.fact == PlanningWay()]
     assert len(planning) > 25  # half a second and more, in which the loop ticked
     assert all(t.command.drive.v_mps == 0.0 for t in planning)
     assert any(t.command.drive.v_mps > 0.2 for t in ticks)

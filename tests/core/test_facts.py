@@ -30,6 +30,8 @@ from agribot.core.facts import (
     HeadingUnknown,
     InputSilent,
     NoPosition,
+    RowsUnproven,
+    RowUnproven,
     Said,
     SensorSilent,
     StoppedBy,
@@ -52,6 +54,8 @@ def test_a_fact_knows_its_code_the_parts_at_fault_and_its_numbers() -> None:
     assert LOST.numbers == {"silent_s": 3.02, "std_m": 0.31, "limit_m": 0.3}
     assert SensorSilent("imu", math.inf, 1.0, "cable").numbers == {"limit_s": 1.0}
     assert InputSilent("red button", 1.0, 0.3).parts == ("inputs", "button")
+    rows = RowsUnproven(rows=(RowUnproven(2, 4.0), RowUnproven(3)))
+    assert (rows.causes, rows.numbers) == (("row_unproven",) * 2, {"more": 0.0})
 
 
 def test_two_facts_are_the_same_while_only_their_numbers_change() -> None:
@@ -147,15 +151,17 @@ def list_values(hint: Any) -> list[Any]:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
     if GnssSilent in args:
         return [GnssSilent(1.0), *([None] if type(None) in args else [])]
+    if isinstance(hint, type) and issubclass(hint, Fact):
+        return list_samples(hint)
     if origin is typing.Literal:
         return list(args)
     if origin is tuple:
         one, *_ = list_values(args[0])
-        return [(one,), (one, one)]
+        return [(), (one,), (one, one)]
     if args:  # of a union with None
         return [value for each in args for value in list_values(each)][:3]
     plain: dict[Any, list[Any]] = {
-        float: [1.0], int: [1, 2], str: ["word"], bool: [False, True], type(None): [None],
+        float: [1.0, 0.0], int: [1, 2], str: ["word"], bool: [False, True], type(None): [None],
     }  # fmt: skip
     return plain[hint]
 
@@ -182,10 +188,12 @@ LOOKED_INTO = {
 # line of a board in a terminal.
 RENDERED = frozenset(
     {
-        "app/stop_memory.py", "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
+        "app/localization/log_pictures.py", "app/stop_memory.py",
+        "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
         "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
-        "autonomy/plan/answers.py", "autonomy/plan/mission.py", "autonomy/plan/status.py",
-        "autonomy/stack.py", "drivers/board_probe.py", "record/events.py",
+        "autonomy/perceive/plants.py", "autonomy/plan/answers.py", "autonomy/plan/mission.py",
+        "autonomy/plan/status.py", "autonomy/stack.py", "drivers/board_probe.py",
+        "record/events.py",
     }
 )  # fmt: skip
 

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import ANY
 
 import msgspec
 import pytest
 
 from agribot.app.simulated_run import simulate
 from agribot.core.config import load
+from agribot.core.facts import (
+    ClockWentBack,
+    Fact,
+    FixesRejected,
+    GnssCrept,
+    GnssJumped,
+    GnssRepeats,
+    GnssSilent,
+)
 from agribot.core.messages import GnssFix, SensorBatch, TickRecord
 from agribot.record.events import read_events
 from agribot.record.report import Report
 from tests import nightly
+from tests.finding import SHOWN, holds, is_like, list_codes
 
 FROM_S = 25.0
 QUICK = ["perception.enabled=false", "record.enabled=false", "field.start_map_m=[-2,0]",
@@ -47,9 +57,14 @@ def east(fix: GnssFix, east_m: float) -> GnssFix:
     return msgspec.structs.replace(fix, lon_deg=fix.lon_deg + east_m / 103858.0)
 
 
-def reasons(records: list[TickRecord]) -> str:
-    return " ".join({record.estimate.reason + record.reason + record.status.reason
-                     for record in records[int(FROM_S / 0.02) :]})  # fmt: skip
+def is_told(records: list[TickRecord], wanted: Fact | type[Fact], within: float = SHOWN) -> bool:
+    """Whether the estimate, the gate or the mission found it after `FROM_S`."""
+    facts = (
+        fact
+        for record in records[int(FROM_S / 0.02) :]
+        for fact in (record.estimate.fact, record.fact, record.status.fact)
+    )
+    return any(holds(fact, wanted, within=within) for fact in facts)
 
 
 @pytest.mark.parametrize(
@@ -70,11 +85,11 @@ def test_a_receiver_that_jumps_100_m_is_told_and_crushes_nothing(
 
     report, records = driven(tmp_path, jump, f'sim.sensors="{sensors}"')
     assert report.tracking.plants_crushed == 0
-    assert "rejected in a row" in reasons(records)
+    assert is_told(records, FixesRejected)
     last = records[-1]
     if sensors == "rtk":
         assert last.status.state == "paused"
-        assert re.match(r"GNSS jumped by (99\.\d|100\.0)\d m against wheels", last.status.reason)
+        assert is_like(last.status.fact, GnssJumped(99.55), within=0.55)
         assert last.command.drive.v_mps == 0.0
 
 
@@ -101,7 +116,7 @@ def test_a_small_jump_of_fixed_rtk_halts_on_the_row_and_says_by_how_much(
     assert report.tracking.xte_max_m is not None
     assert report.tracking.xte_max_m < 0.1
     assert records[-1].status.state == "paused"
-    assert "GNSS jumped by 0." in records[-1].status.reason
+    assert is_like(records[-1].status.fact, GnssJumped(0.5), within=0.5)
     assert records[-1].command.drive.v_mps == 0.0
 
 
@@ -122,8 +137,8 @@ def test_a_drift_of_fixed_rtk_without_camera_is_named_and_stopped_before_the_cro
     assert report.tracking.plants_crushed == 0
     assert report.tracking.xte_max_m is not None
     assert report.tracking.xte_max_m < 0.3
-    assert "GNSS crept by 0." in reasons(records)
-    assert next(r.batch.t_s for r in records if r.estimate.contradiction) < FROM_S + 6.0
+    assert is_told(records, GnssCrept(0.5, ANY), within=0.5)
+    assert next(r.batch.t_s for r in records if r.estimate.contradiction_fact) < FROM_S + 6.0
     assert records[-1].command.drive.v_mps == 0.0
 
 
@@ -142,13 +157,12 @@ def test_a_receiver_that_freezes_is_named_and_crushes_nothing(tmp_path: Path) ->
 
     report, records = driven(tmp_path, freeze, 'sim.sensors="rtk"')
     assert report.tracking.plants_crushed == 0
-    assert "GNSS repeats its position while the wheels turned" in reasons(records)
+    assert is_told(records, GnssRepeats)
     levels_m = [record.estimate.across_protection_m for record in records]
     assert all(level_m > 0.25 for level_m in levels_m[-50:])
     assert max(levels_m[round(15.0 / 0.02) : round(FROM_S / 0.02)]) < 0.28  # the limit is 0.31 m
-    faults = [event.reason for event in read_events(tmp_path / "events.jsonl")
-              if event.kind == "fault"]  # fmt: skip
-    assert any("GNSS repeats its position" in fault for fault in faults)
+    faults = (one for one in read_events(tmp_path / "events.jsonl") if one.kind == "fault")
+    assert GnssRepeats(0.0).code in list_codes(faults)
 
 
 @nightly.by_day(
@@ -162,7 +176,7 @@ def test_a_clock_that_goes_back_stops_the_robot(tmp_path: Path) -> None:
 
     report, records = driven(tmp_path, back, 'sim.sensors="rtk"', "duration_s=32")
     assert report.tracking.plants_crushed == 0
-    assert "clock went back" in reasons(records)
+    assert is_told(records, ClockWentBack)
     assert records[-1].command.drive.v_mps == 0.0
 
 
@@ -178,4 +192,4 @@ def test_fixes_that_are_no_numbers_are_as_good_as_none(tmp_path: Path) -> None:
 
     report, records = driven(tmp_path, nan, 'sim.sensors="rtk"')
     assert report.tracking.plants_crushed == 0
-    assert "GNSS silent" in reasons(records)
+    assert is_told(records, GnssSilent)

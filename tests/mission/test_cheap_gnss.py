@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
+from agribot.record.events import read_events
 from tests import nightly
+from tests.finding import list_codes
 from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
 BLIND = ["perception.enabled=false", "record.enabled=false"]
@@ -44,7 +46,7 @@ def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
     assert not report.ok
     assert report.mission.rows_done is not None and report.mission.rows_done < 6
     assert report.weeds.precision is None  # no camera: not applicable, not zero
-    assert "off the row" in report.reason
+    assert "may_be_off_row" in list_codes(read_events(tmp_path / "events.jsonl"))
     assert "no operator resumed the mission for 5 s" in report.reason
     assert report.tracking.plants_crushed == 0
 
@@ -54,6 +56,6 @@ def test_a_robot_that_is_not_on_its_mark_never_moves_and_the_run_ends(tmp_path: 
     settings = ["seed=1", 'sim.sensors="rtk"', *BLIND, *elsewhere]
     report = run_session("farm", settings, str(tmp_path))
     assert not report.ok
-    assert "does not stand at the marked start" in report.reason
+    assert "start_aside" in list_codes(read_events(tmp_path / "events.jsonl"))
     assert report.mission.distance_m is not None
     assert report.mission.distance_m < 0.05

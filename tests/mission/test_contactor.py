@@ -5,14 +5,26 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
+from unittest.mock import ANY
 
 import pytest
 
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.core.config import load
+from agribot.core.facts import (
+    ButtonPressed,
+    ContactorSilent,
+    ContactorWelded,
+    Fact,
+    Runaway,
+    StoppedBy,
+    Wheel,
+    WheelsWrong,
+)
 from agribot.core.messages import ClearStop, RequestWord, TickRecord, Who
 from tests.asking import BY_WORD
+from tests.finding import holds, is_like
 
 IN_ROW_S, FAULT_S = 21.0, 8.0  # the second is in the first turn
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'", "seed=1"]
@@ -50,7 +62,7 @@ def test_a_board_that_runs_away_is_stopped_by_the_contactor_within_two_metres(
     run, ticks, way_m = drive(out, f"motor.runaway@{IN_ROW_S}+5", from_s=IN_ROW_S)
     cut = [tick for tick in ticks if tick.command.is_power_cut]
     assert 0.5 < cut[0].batch.t_s - IN_ROW_S < 1.5
-    assert "RUNAWAY, the motors' power is cut" in cut[0].reason
+    assert holds(cut[0].fact, Runaway(ANY, is_cut=True, is_contactor_stuck=False))
     assert 0.2 < max(way_m) < 2.0
     at_rest = [tick for tick in ticks if IN_ROW_S + 4.5 < tick.batch.t_s < IN_ROW_S + 5.4]
     assert all(tick.batch.contactor[-1].is_closed is False for tick in at_rest)
@@ -95,8 +107,11 @@ def test_a_board_that_sets_off_while_the_robot_stands_is_cut_off_within_half_a_m
     assert cut_after_s is not None
     assert cut_after_s < 0.5
     assert 0.02 < way_m < 0.5
-    why = {"stop": "stopped by Ann", "pause": "wheels turn too fast"}[action]
-    assert last.status.stopped.startswith(why)
+    why: dict[str, Fact] = {
+        "stop": StoppedBy("Ann"),
+        "pause": WheelsWrong(get_args(Wheel), "fast", ANY, ANY),
+    }
+    assert is_like(last.status.stopped_fact, why[action])
 
 
 def test_a_board_that_sets_off_without_a_contactor_is_reported_with_what_to_do(
@@ -104,7 +119,8 @@ def test_a_board_that_sets_off_without_a_contactor_is_reported_with_what_to_do(
 ) -> None:
     cut_after_s, _, last = stand(tmp_path / "run", "stop", "sim.contactors=0")
     assert cut_after_s is None
-    assert "RUNAWAY, cut the power with the red button: wheels turn" in last.status.gate.told
+    told = last.status.gate.told_fact
+    assert holds(told, Runaway(ANY, is_cut=False, is_contactor_stuck=False), WheelsWrong)
 
 
 def test_without_a_contactor_nothing_stops_it_but_the_red_button(tmp_path: Path) -> None:
@@ -112,7 +128,8 @@ def test_without_a_contactor_nothing_stops_it_but_the_red_button(tmp_path: Path)
     _, ticks, way_m = drive(tmp_path / "run", fault, "sim.contactors=0")
     assert not any(tick.command.is_power_cut or tick.batch.contactor for tick in ticks)
     assert way_m[-1] > 3.0
-    assert any("RUNAWAY, cut the power with the red button" in tick.reason for tick in ticks)
+    by_button = Runaway(ANY, is_cut=False, is_contactor_stuck=False)
+    assert any(holds(tick.fact, by_button) for tick in ticks)
 
 
 def test_where_one_of_two_contactors_is_welded_the_other_stops_it_and_it_drives_no_more(
@@ -124,7 +141,7 @@ def test_where_one_of_two_contactors_is_welded_the_other_stops_it_and_it_drives_
     stops = run.referee.score_safety()
     assert stops.stops_too_long == 0
     assert 0.7 * (stops.stop_allowed_m or math.inf) < max(way_m), "it is no empty promise"
-    assert "one contactor stays closed" in ticks[-1].reason, "also after the stop is cleared"
+    assert holds(ticks[-1].fact, ContactorWelded), "also after the stop is cleared"
     assert ticks[-1].command.is_power_cut
 
 
@@ -135,15 +152,18 @@ def test_a_single_contactor_that_is_welded_does_not_stop_it_and_calls_for_the_re
     _, ticks, way_m = drive(tmp_path / "run", faults, "sim.contactors=1")
     assert way_m[-1] > 3.0
     assert any(tick.command.is_power_cut for tick in ticks)
-    asked = "RUNAWAY, cut the power with the red button: the contactor does not open"
-    assert any(asked in tick.reason for tick in ticks)
+    stuck = Runaway(ANY, is_cut=False, is_contactor_stuck=True)
+    assert any(holds(tick.fact, stuck) for tick in ticks)
 
 
 @pytest.mark.parametrize("fault", ["contactor.silent", "button.pressed"])
 def test_a_robot_that_loses_its_power_rolls_out_and_says_why(fault: str, tmp_path: Path) -> None:
     run, ticks, way_m = drive(tmp_path / "run", f"{fault}@{FAULT_S}+4")
-    why = {"contactor.silent": "the contactor does not answer: silent"}.get(fault, "red button is")
-    assert any(why in tick.status.stopped for tick in ticks)
+    causes: dict[str, type[Fact]] = {
+        "contactor.silent": ContactorSilent,
+        "button.pressed": ButtonPressed,
+    }
+    assert any(holds(tick.status.stopped_fact, causes[fault]) for tick in ticks)
     assert 0.01 < max(way_m) < 1.0
     assert run.referee.crushed == set()
     assert not ticks[-1].command.is_power_cut

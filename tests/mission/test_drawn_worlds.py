@@ -11,10 +11,12 @@ import pytest
 from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core.config import load
+from agribot.core.facts import MayBeOffRow
 from agribot.core.row_shape import project_on_row
 from agribot.record import run_files
 from agribot.record.report import Report
 from tests import nightly
+from tests.finding import holds
 
 UNSEEN = ("perception.enabled=false", "record.enabled=false")
 BLIND = (*UNSEEN, "sim.sensors='ideal'")
@@ -60,7 +62,7 @@ def test_way_lost_in_turns_on_soil_is_no_reason_to_doubt_a_good_receiver(
     with simulate(config, tmp_path) as run:
         records = list(run.ticks())
     assert records[-1].status.row == 0
-    assert not [r.status.reason for r in records if "off the row" in r.status.reason]
+    assert not [r for r in records if holds(r.status.fact, MayBeOffRow)]
 
 
 @nightly.by_day(

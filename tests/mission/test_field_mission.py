@@ -15,6 +15,7 @@ from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.plan_sweep import sweep_footprint
 from agribot.cli.main import main
 from agribot.core.config import RunConfig, load
+from agribot.core.facts import ReturnedHome
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import ControlMission
 from agribot.description.loader import load_robot
@@ -131,7 +132,7 @@ def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
     assert last is not None and last.status.state == "cancelled"
     assert (truth.x_map_m, truth.y_map_m) == pytest.approx((-2.0, 0.0), abs=0.15)
     assert report.tracking.plants_crushed == 0
-    assert "returned home" in report.reason
+    assert isinstance(last.status.fact, ReturnedHome)
 
 
 @nightly.by_day(

@@ -11,6 +11,7 @@ from pathlib import Path
 from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
 from agribot.core import config
+from agribot.core.facts import AtGoal, CutOff, Fact, OnErrandOf
 from agribot.core.messages import ControlMission, TickRecord, Who
 from tests import nightly
 from tests.mission.killed_errand import GOAL
@@ -35,19 +36,19 @@ def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: 
     saved = read_mission(tmp_path / "first")
     assert saved.errand is not None and saved.errand.goal == GOAL
     settings = continue_config(config.load(str(tmp_path / "first" / "config.toml")), saved)
-    seen: list[str] = []
+    seen: list[Fact] = []
     at_goal: TickRecord | None = None
     with simulate(settings, tmp_path / "again", saved) as session:
         for record in session.ticks():
-            status = record.status
-            waits = status.state == "paused" and "resume goes on" in status.reason
+            status, fact = record.status, record.status.fact
+            waits = status.state == "paused" and isinstance(fact, CutOff | AtGoal)
             stands = abs(record.estimate.v_mps) < 0.02
-            if waits and stands and (not seen or seen[-1] != status.reason):
-                seen.append(status.reason)
-                at_goal = record if "at the goal" in status.reason else at_goal
+            if waits and stands and fact and (not seen or seen[-1] != fact):
+                seen.append(fact)
+                at_goal = record if isinstance(fact, AtGoal) else at_goal
                 session.inbox.post(ControlMission(action="resume"), Who("Bea"))
         session.finish()
-    assert "was cut off: to the goal, as Ada asked" in seen[0]
+    assert seen[0] == CutOff(OnErrandOf("goal", "Ada"))
     assert at_goal is not None
     there = at_goal.estimate
     assert abs(there.x_map_m - GOAL[0]) < 0.15 and abs(there.y_map_m - GOAL[1]) < 0.15

@@ -12,11 +12,14 @@ from agribot.app.mission_file import read_mission
 from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
+from agribot.core.facts import RowsUnproven
 from agribot.core.messages import MissionStatus
 from agribot.core.world import WorldSpec
 from agribot.description.worlds_sdf import load_run_world
+from agribot.record.events import read_events
 from agribot.record.report import Report
 from tests import nightly
+from tests.finding import find, list_codes
 from tests.mission.paper_camera import CameraOnPaper
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false",
@@ -59,7 +62,7 @@ def test_beyond_the_crop_it_stands_and_the_report_says_why(
     assert not report.ok and report.mission.success is False
     assert (status.rows_done, status.rows_unproven) == ((), ())  # it came to the end of none
     assert report.mission.rows_done == 0  # in truth
-    assert "off the row" in report.reason
+    assert "may_be_off_row" in list_codes(read_events(tmp_path / "run" / "events.jsonl"))
     assert report.tracking.plants_crushed == 0
 
 
@@ -77,8 +80,8 @@ def test_one_row_off_towards_the_crop_no_row_counts_once_the_last_lies_on_bare_g
     assert sorted(status.rows_unproven) == [0, 1, 2]
     assert report.mission.rows_unproven == (1, 2, 3)
     assert report.mission.rows_done == 0  # in truth
-    assert "no crop row seen over" in report.reason
-    assert "maybe one row off" in report.reason
+    unproven = find(status.fact, RowsUnproven).rows
+    assert {one.variant for one in unproven} >= {"unseen", "counted"}
     saved = read_mission(tmp_path / "run")
     assert not any(row.done for row in saved.rows)
     assert saved.covered == ()
@@ -112,7 +115,7 @@ def test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_
     report, status = drive(tmp_path / "run", aside_m, monkeypatch, has_cover=True)
     assert not report.ok
     assert status.rows_done == status.rows_unproven == ()
-    assert "which row?" in report.reason
+    assert "which_row" in list_codes(read_events(tmp_path / "run" / "events.jsonl"))
     assert (report.mission.distance_m or 0.0) < 5.0  # 4 m of them across the headland
     assert report.tracking.plants_crushed == 0
 

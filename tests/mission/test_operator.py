@@ -9,6 +9,7 @@ import pytest
 
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.core import config
+from agribot.core.facts import PausedByHand
 from agribot.core.messages import RequestWord, TickRecord, Who
 from tests.asking import BY_WORD
 
@@ -92,4 +93,4 @@ def test_a_hand_takes_the_robot_off_the_mission_and_lets_it_stand_when_it_lets_g
     assert abs(session.simulator.truth().v_mps) < 0.005
     press(session, "resume")
     assert until(ticks, 19.0).status.state == "running"
-    assert any("drives by hand (gamepad)" in event.reason for event in session.event_log.events)
+    assert any(event.fact == PausedByHand("gamepad") for event in session.event_log.events)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import ANY
 
 import msgspec
 import pytest
@@ -13,6 +14,23 @@ from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core.config import load
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    Fact,
+    ImuFrozen,
+    ImuLineSpoilt,
+    Motion,
+    MotorDead,
+    MotorsReportFault,
+    StoppedBy,
+    StopToClear,
+    Stuck,
+    Touched,
+    TurnsDisagree,
+    Wheel,
+    WheelsSwapped,
+    WheelsWrong,
+)
 from agribot.core.messages import (
     BumperSample,
     ControlMission,
@@ -25,6 +43,7 @@ from agribot.core.messages import (
 )
 from tests import nightly
 from tests.asking import BY_WORD
+from tests.finding import find, holds, is_like
 
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'"]
 FROM_S = 8.0  # in the first turn
@@ -67,7 +86,7 @@ def stopped(session: SimulatedRun, ticks: Iterator[TickRecord]) -> TickRecord:
     """The first tick in which the supervisor stops the robot for good."""
     for record in ticks:
         assert record.batch.t_s < IN_ROW_S + 5.0, "it drives on"
-        if "clear the stop" in record.reason:
+        if isinstance(record.fact, StopToClear):
             assert record.command.drive.v_mps == 0.0
             return record
     raise AssertionError("the run ended without a stop")
@@ -90,14 +109,14 @@ def test_a_touch_stops_the_robot_in_its_tick_in_every_mode(tmp_path: Path, mode:
                 session.inbox.post(GoTo(x_map_m=-2.0, y_map_m=6.0))
             if record.batch.bumper:
                 break
-        assert "bumper" in record.reason
+        assert holds(record.fact, Touched)
         assert record.command.drive.v_mps == 0.0
         assert session.simulator.truth().v_mps > 0.15, "it drove until then"
         for _ in range(100):
             session.inbox.drive(0.3, 0.0, Who("Ann"))
             record = next(ticks)
             assert record.command.drive.v_mps == 0.0
-        assert record.status.stopped.startswith("the bumper touches something in front")
+        assert is_like(record.status.stopped_fact, Touched("front", ANY, ANY, ANY))
         assert record.status.state == "paused"
         assert abs(session.simulator.truth().v_mps) < 0.01
 
@@ -105,21 +124,23 @@ def test_a_touch_stops_the_robot_in_its_tick_in_every_mode(tmp_path: Path, mode:
 @nightly.one_by_one(
     "motor",
     [
-        ("left_wheel_F", "left front", "effort"),
-        ("right_wheel_R", "right rear", "servo"),
-        ("left_wheel_F", "left front", "servo"),
-        ("right_wheel_R", "right rear", "effort"),
+        ("left_wheel_F", "effort"),
+        ("right_wheel_R", "servo"),
+        ("left_wheel_F", "servo"),
+        ("right_wheel_R", "effort"),
     ],
     in_suite=2,
 )
-def test_a_dead_motor_is_named_within_a_second(tmp_path: Path, motor: tuple[str, str, str]) -> None:
-    wheel, name, actuation = motor
+def test_a_dead_motor_is_named_within_a_second(tmp_path: Path, motor: tuple[Wheel, str]) -> None:
+    wheel, actuation = motor
     with opened(tmp_path, f"sim.actuation='{actuation}'") as session:
         ticks = session.ticks()
         next(record for record in ticks if record.batch.t_s > FROM_S)
         session.simulator.limit_torque(wheel, 0.0)
         record = stopped(session, ticks)
-    assert f"{name} " in record.reason
+    wrong = WheelsWrong((wheel,), ANY, ANY, ANY)
+    named = (MotorDead(wheel), MotorsReportFault((wheel,)), wrong)
+    assert any(holds(record.fact, one) for one in named), record.fact
     assert record.batch.t_s - FROM_S < 1.0
 
 
@@ -135,21 +156,17 @@ def board(v_ratio: float, yaw_ratio: float = 1.0) -> Callable[[RobotCommand], Ro
 
 
 @pytest.mark.parametrize(
-    ("v_ratio", "words"),
-    [
-        (2.0, "wheels turn too fast"),
-        (-1.0, "wheels turn backwards"),
-        (0.0, "wheels do not turn"),
-    ],
+    ("v_ratio", "motion"),
+    [(2.0, "fast"), (-1.0, "backwards"), (0.0, "stand")],
     ids=["runs away", "reversed", "commands lost"],
 )
 def test_a_board_that_does_not_as_told_is_stopped_within_a_second(
-    tmp_path: Path, v_ratio: float, words: str
+    tmp_path: Path, v_ratio: float, motion: Motion
 ) -> None:
     with opened(tmp_path) as session:
         misdrive(session, board(v_ratio))
         record = stopped(session, session.ticks())
-    assert words in record.reason
+    assert find(record.fact, WheelsWrong).motion == motion
     assert record.batch.t_s - FROM_S < 1.0
 
 
@@ -157,7 +174,7 @@ def test_steering_the_wrong_way_round_is_told_within_a_second(tmp_path: Path) ->
     with opened(tmp_path) as session:
         misdrive(session, board(1.0, -1.0))
         record = stopped(session, session.ticks())
-    assert "turns the other way than commanded" in record.reason
+    assert holds(record.fact, WheelsSwapped)
     assert record.batch.t_s - FROM_S < 1.0
 
 
@@ -176,17 +193,19 @@ def test_an_encoder_that_sticks_is_named_within_a_second(tmp_path: Path, is_all:
     with opened(tmp_path) as session:
         spoil(session, stick)
         record = stopped(session, session.ticks())
-    assert ("wheels do not turn" if is_all else "left front wheel does not turn") in record.reason
+    wrong = find(record.fact, WheelsWrong)
+    assert wrong.motion == "stand"
+    assert len(wrong.wheels) > 1 if is_all else wrong.wheels == ("left_wheel_F",)
     assert record.batch.t_s - FROM_S < 1.0
 
 
 @pytest.mark.parametrize(
-    ("gyro", "words"),
+    ("gyro", "wanted"),
     [
-        ("off", "the gyro says"),
+        ("off", TurnsDisagree),
         pytest.param(
             "frozen",
-            "IMU repeats the same numbers",
+            ImuFrozen,
             marks=nightly.by_day(
                 "tests/autonomy/control/test_wheel_watch.py::"
                 "test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only",
@@ -195,7 +214,9 @@ def test_an_encoder_that_sticks_is_named_within_a_second(tmp_path: Path, is_all:
         ),
     ],
 )
-def test_a_gyro_that_lies_is_told_within_a_second(tmp_path: Path, gyro: str, words: str) -> None:
+def test_a_gyro_that_lies_is_told_within_a_second(
+    tmp_path: Path, gyro: str, wanted: type[Fact]
+) -> None:
     first: list[SensorBatch] = []
 
     def lie(batch: SensorBatch) -> SensorBatch:
@@ -214,7 +235,7 @@ def test_a_gyro_that_lies_is_told_within_a_second(tmp_path: Path, gyro: str, wor
     with opened(tmp_path) as session:
         spoil(session, lie, IN_ROW_S)
         record = stopped(session, session.ticks())
-    assert words in record.reason
+    assert holds(record.fact, wanted)
     assert record.batch.t_s - IN_ROW_S < 1.0
 
 
@@ -271,7 +292,7 @@ def test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go(tmp_path:
             assert record.command.drive.v_mps == 0.0
             if record.batch.t_s > 5.0:
                 break
-        assert record.status.stopped == "stopped by Ann"
+        assert record.status.stopped_fact == StoppedBy("Ann")
         for action in ("clear_stop", "resume"):
             session.inbox.post(BY_WORD[action])
         record = next(record for record in ticks if record.batch.t_s > 10.0)
@@ -291,7 +312,8 @@ def test_a_stopped_run_is_not_resumed_where_nobody_could_let_it_go(
     words = ["run", "--resume", str(first), "--for", "8", "--out", str(tmp_path / "again")]
     assert main(words) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "the bumper touches something in front" in line
+    assert render(read_mission(first).stop) in line
+    assert is_like(read_mission(first).stop, Touched("front", ANY, ANY, ANY))
     assert "--clear-stop" in line
     assert not (tmp_path / "again").exists()
     assert main(["run", "farm", "--clear-stop"]) == 2
@@ -307,10 +329,10 @@ def test_a_run_that_nobody_attends_ends_when_its_stop_is_not_cleared(tmp_path: P
             assert record.batch.t_s < FROM_S + 10.0
         report = session.finish()
     assert not report.ok
-    assert "bumper" in report.reason
+    touched = read_mission(tmp_path).stop
+    assert isinstance(touched, Touched) and render(touched) in report.reason
     assert "no operator cleared the stop for 3 s" in report.reason
-    assert any("bumper" in stop.reason for stop in report.safety.stops)
-    assert read_mission(tmp_path).stopped.startswith("the bumper")
+    assert any("bumper" in stop.parts for stop in report.safety.stops)
 
 
 def test_a_noisy_line_is_told_by_its_name_on_rough_soil(tmp_path: Path) -> None:
@@ -322,7 +344,7 @@ def test_a_noisy_line_is_told_by_its_name_on_rough_soil(tmp_path: Path) -> None:
                 break
         states = [event.reason for event in session.event_log.list_kind("gate")]
         checks = session.event_log.list_kind("check")
-    assert "IMU sent 3" in record.status.gate.reason
+    assert holds(record.status.gate.fact, ImuLineSpoilt(3, ANY, ANY))
     assert record.status.gate.state == "stopped"
     assert states[0].startswith("standby -> driving: ")
     assert states[-1].partition(":")[0].endswith("-> stopped")
@@ -339,9 +361,9 @@ def test_in_mud_the_robot_tries_to_back_out_and_then_a_person_has_to_look(tmp_pa
                 break
         gates = session.event_log.list_kind("gate")
         report = session.finish()
-    held = next(gate for gate in gates if "-> held: stuck or slipping" in gate.reason)
+    held = next(gate for gate in gates if gate.state == "held" and holds(gate.fact, Stuck))
     assert held.t_s < 36.0
     assert 1 <= legs.count("backs out to try again") <= 3
-    assert "stuck or slipping" in record.status.gate.reason
+    assert holds(record.status.gate.fact, Stuck)
     assert report.tracking is not None
     assert report.tracking.plants_crushed == 0

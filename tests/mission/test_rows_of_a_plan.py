@@ -15,6 +15,7 @@ import pytest
 from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import simulate
 from agribot.core.config import RunConfig, load
+from agribot.core.facts import NewTask
 from agribot.core.geo import MapFrame
 from agribot.core.messages import ControlMission, MapPoint, Row, TakePlan
 from agribot.core.row_shape import project_on_row, row_points_map_m
@@ -97,7 +98,7 @@ def test_a_cheap_receiver_holds_the_rows_of_a_plan_by_the_camera(
             session.inbox.post(TakePlan(geojson=text))
         places: list[tuple[float, float, float]] = []
         for record in session.ticks():
-            if is_sent and record.status.reason.startswith("new plan"):
+            if is_sent and isinstance(record.status.fact, NewTask):
                 session.inbox.post(ControlMission(action="resume"))
             truth = session.simulator.truth()
             places.append((truth.x_map_m, truth.y_map_m, truth.yaw_map_rad))

@@ -14,6 +14,7 @@ from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig, load
+from agribot.core.facts import NoRowInView, RowOutOfView
 from agribot.core.messages import FloatArray, Row
 from agribot.core.world import WorldSpec
 from agribot.description.field_generator import generate_field
@@ -149,8 +150,9 @@ def test_a_robot_that_sees_no_row_stops_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settings = ('task="explore"', "mission.speed_mps=1.0")
-    _, report = drive(BEFORE, tmp_path / "run", monkeypatch, *settings, seen_rows=())
-    assert not report.ok and "no crop row came into view over 8 m" in report.reason
+    session, report = drive(BEFORE, tmp_path / "run", monkeypatch, *settings, seen_rows=())
+    assert not report.ok
+    assert session.last is not None and session.last.status.fact == NoRowInView(8.0)
     assert not (tmp_path / "run" / "field.geojson").exists()
 
 
@@ -171,5 +173,6 @@ def test_a_camera_that_goes_blind_in_a_row_ends_the_drive_with_what_it_had_seen(
     )  # fmt: skip
     session, report = drive((-2.4, 0.0, 0.0), blind, monkeypatch, 'task="explore"',
                             seen_rows=(first,))  # fmt: skip
-    assert not report.ok and "shows no more of row 1" in report.reason
+    assert not report.ok
+    assert session.last is not None and session.last.status.fact == RowOutOfView(1)
     assert session.simulator.truth().x_map_m < 3.0 + 1.7 + session.config.mission.headland_m + 0.1

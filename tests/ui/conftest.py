@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import pytest
 
+from agribot.core.facts import Said
+
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 pytest.importorskip("websockets")
@@ -93,7 +95,7 @@ class Robot:
 
     def _answer(self, id: int, kind: type[wire.Message]) -> None:
         if kind in self.refusals:
-            self.say(wire.Answer(id=id, refusal=self.refusals[kind]))
+            self.say(wire.Answer(id=id, refusal=Said(self.refusals[kind])))
         elif kind in self.answers:
             self.say(wire.Answer(id=id, value=self.answers[kind]))
 

@@ -6,12 +6,14 @@ from typing import Any
 
 import pytest
 
+from agribot.core.facts import WayCrossesCrop
+from agribot.core.refusal import MissionRefusal
+
 pytest.importorskip("starlette")
 from agribot.app.field_work import read_work
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import load
-from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
 from agribot.description.loader import load_robot
 from agribot.ui import wire
@@ -62,8 +64,9 @@ def test_a_robot_between_rows_is_not_led_across_them_into_a_field_beside_them() 
     (x0_m, y0_m), *_, (x1_m, y1_m) = ROWS[0]
     in_row = ((x0_m + x1_m) / 2.0, (y0_m + y1_m) / 2.0, 0.0)
     made = plan(feature("boundary", beside))
-    with pytest.raises(MissionError, match="the way would cross crop"):
+    with pytest.raises(MissionRefusal) as refused:
         read_work(made.text, "the plan", CONFIG, ROBOT).plan_from(in_row)
+    assert isinstance(refused.value.fact, WayCrossesCrop)
     gone = plan(feature("boundary", beside), is_crop_gone=True)
     read_work(gone.text, "the plan", CONFIG, ROBOT).plan_from(in_row)
 

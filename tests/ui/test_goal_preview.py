@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from unittest.mock import ANY
 
 import msgspec
 import pytest
@@ -13,8 +14,9 @@ from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.task import Task
 from agribot.core import config
 from agribot.core.config import MissionConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import BeyondFence, PositionLost, TooFarAway
 from agribot.core.messages import ChangeSetting
+from agribot.core.refusal import MissionRefusal
 from agribot.description.loader import load_robot
 from agribot.ui import wire
 from agribot.ui.address import Address
@@ -22,6 +24,7 @@ from agribot.ui.robot_side.goal_preview import preview_goal
 from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.asking import go_to
 from tests.autonomy.plan.planting import at
+from tests.finding import is_like
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 
@@ -51,19 +54,20 @@ def test_a_place_that_can_be_reached_has_a_way_its_length_and_its_time(task: Tas
 
 def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
     here = at(*beside(task, 3.0), 0.0)
-    with pytest.raises(MissionError, match=r"500|fence"):
+    with pytest.raises(MissionRefusal) as refused:
         preview_goal(task, here, CONFIG, go_to((500.0, 500.0)))
+    assert is_like(refused.value.fact, BeyondFence(500.0, 500.0, ANY))
     lost = at(0.0, 0.0, 0.0, ok=False)
-    with pytest.raises(MissionError, match="where it is"):
+    with pytest.raises(MissionRefusal) as refused:
         preview_goal(task, lost, CONFIG, go_to((0.0, 0.0)))
+    assert isinstance(refused.value.fact, PositionLost)
 
 
 def test_a_place_too_far_from_the_robot_is_refused_before_a_way_is_planned(task: Task) -> None:
     far = at(5.3e6, 0.0, 0.0)
-    with pytest.raises(
-        MissionError, match=r"5299999 m from the robot, more than the limit of 1000 m"
-    ):
+    with pytest.raises(MissionRefusal) as refused:
         preview_goal(task, far, CONFIG, go_to((1.0, 0.0)))
+    assert is_like(refused.value.fact, TooFarAway(5_299_999.0, 1000.0), within=0.5)
 
 
 def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: Path) -> None:

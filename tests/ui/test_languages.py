@@ -83,7 +83,7 @@ def test_a_page_gets_every_text_in_its_language_and_no_fact(language: str) -> No
         stop, "words from outside", held, stop, held, render(AWAITED, language),
         render(SILENT, language), render(REFUSED, language),
     ]  # fmt: skip
-    assert b"sensor_silent" not in msgspec.json.encode(state)
+    assert b'"code"' not in msgspec.json.encode(state)
     assert b"_fact" not in msgspec.json.encode(state)
 
 
@@ -93,10 +93,13 @@ def test_pages_of_two_languages_follow_one_robot() -> None:
     channel.clients |= {german, english}
     channel.publish_state(make_told())
     assert read_page(german)["stop"].startswith("angehalten von Ann;")
-    assert read_page(english)["stop"].startswith("stopped by Ann;")
+    assert read_page(english)["stop"] == render(STOP)
     live = wire.LiveState(mode="stopped", stop=render(STOP), stop_fact=STOP)
     german.tell(live)
     assert "angehalten von Ann" in (german.take() or "")
+    german.tell(wire.Verdict(id="1", ok=False, reason=render(REFUSED), reason_fact=REFUSED))
+    verdict = msgspec.json.decode(german.take() or "", type=wire.Verdict)
+    assert verdict == wire.Verdict(id="1", ok=False, reason=render(REFUSED, "de"))
 
 
 def test_the_log_has_the_facts_of_its_events_in_german() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from agribot.core.config import load
 from agribot.core.fact_text import render
-from agribot.core.facts import AnyFact
+from agribot.core.facts import AnyFact, LineNoisy
 from agribot.core.messages import (
     AddNote,
     DeviceNote,
@@ -182,10 +182,13 @@ def test_a_caster_that_gives_nothing_is_told_with_the_reason_and_forgotten_once_
 
 def test_a_line_that_breaks_messages_is_told_until_it_does_not_any_more() -> None:
     view, watch = view_of(), LineWatch("receiver", "receiver on /dev/ttyACM0")
-    view(SensorBatch(t_s=1.0, notes=watch.update(1.0, MANY)))
-    assert f"broke {MANY} messages" in view.show().line_trouble
+    notes = watch.update(1.0, MANY)
+    view(SensorBatch(t_s=1.0, notes=notes))
+    (noisy,) = (note.fact for note in notes)
+    assert isinstance(noisy, LineNoisy) and noisy.count == MANY
+    assert view.show().line_trouble == render(noisy)
     view(SensorBatch(t_s=2.0, notes=LineWatch("board", "motor board").update(2.0, MANY)))
-    assert "receiver" in view.show().line_trouble
+    assert view.show().line_trouble == render(noisy), "the receiver's"
     late_s = 1.5 + WITHIN_S
     view(SensorBatch(t_s=late_s, notes=watch.update(late_s, MANY)))
     assert view.show().line_trouble == ""

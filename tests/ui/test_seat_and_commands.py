@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
+from agribot.core.facts import Said
 from agribot.ui import wire
 from agribot.ui.server.seat import SILENCE_S, Seat
 from tests.ui.client import Never, Page
@@ -117,9 +118,9 @@ def test_an_unknown_order_is_refused_with_a_reason_to_who_gave_it(page: Page) ->
     assert page.ask(wire.ControlMission(action="pause")).ok, "the line is still good"
 
 
-@pytest.mark.parametrize(("verdict", "ok"), [("goal refused: beyond the fence", False), ("", True)])
+@pytest.mark.parametrize("refusal", [Said("goal refused: beyond the fence"), None])
 def test_a_goal_is_answered_with_what_the_mission_makes_of_it(
-    robot: Robot, page: Page, verdict: str, ok: bool
+    robot: Robot, page: Page, refusal: Said | None
 ) -> None:
     goal = wire.GoTo(id="2", x_map_m=1.0, y_map_m=2.0, yaw_map_rad=0.5)
     assert "seat" in page.ask(goal).reason
@@ -127,9 +128,10 @@ def test_a_goal_is_answered_with_what_the_mission_makes_of_it(
     page.send(goal)
     id, asked = robot.wait_for_question(wire.RequestOrder)
     assert asked.request == wire.GoTo(x_map_m=1.0, y_map_m=2.0, yaw_map_rad=0.5)
-    robot.say(wire.Answer(id=id, refusal=verdict))
+    robot.say(wire.Answer(id=id, refusal=refusal))
     answer = page.receive(wire.Verdict)
-    assert (answer.id, answer.ok, answer.reason) == ("2", ok, verdict)
+    assert (answer.id, answer.ok) == ("2", refusal is None)
+    assert answer.reason == (refusal.text if refusal else "")
 
 
 def test_a_recording_is_begun_and_ended_by_operators_without_the_seat(

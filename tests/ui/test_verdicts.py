@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
 
 import msgspec
 import pytest
 
+from agribot.core.facts import BeyondFence, ErrandRefused, Fact, GoalNotFinite, NoAnswer
 from agribot.core.messages import (
     AnyRequest,
     ChangeSetting,
@@ -26,22 +28,24 @@ from tests.autonomy.plan.test_mission_errands import Drive
 from tests.record import record_samples as samples
 
 GOAL = GoTo(x_map_m=1.0, y_map_m=2.0)
+BEYOND = ErrandRefused("goal", BeyondFence(1.0, 2.0, 0.3))
+# None: not settled in this tick.
+Outcome = Literal["taken"] | Fact | None
 
 
-def tick(inbox: Inbox, heard: set[str], refusal: str | None = None) -> TickRecord:
+def tick(inbox: Inbox, heard: set[str], refusal: Outcome = None) -> TickRecord:
     """A tick that answers all requests until now, unless `refusal` is None."""
     record = samples.ticks(1)[0]
     events, _ = inbox.drain(record.batch.t_s)
     heard |= {event.request.id for event in events}
-    answers = (
-        () if refusal is None else tuple(RequestAnswer(id=id, refusal=refusal) for id in heard)
-    )
+    fact = refusal if isinstance(refusal, Fact) else None
+    answers = () if refusal is None else tuple(RequestAnswer(id=id, fact=fact) for id in heard)
     batch = msgspec.structs.replace(record.batch, requests=events)
     status = msgspec.structs.replace(record.status, answers=answers)
     return msgspec.structs.replace(record, batch=batch, status=status)
 
 
-def find_answer(request: AnyRequest, refusals: list[str | None]) -> str:
+def find_answer(request: AnyRequest, refusals: list[Outcome]) -> Fact | None:
     """What a request gets as answer during these ticks, the last one repeated."""
     inbox, heard = Inbox(), set[str]()
     desk = Verdicts(inbox)
@@ -54,25 +58,26 @@ def find_answer(request: AnyRequest, refusals: list[str | None]) -> str:
     return answer.result()
 
 
-@pytest.mark.parametrize("refusal", ["", "goal refused: beyond the fence"])
+@pytest.mark.parametrize("refusal", ["taken", BEYOND])
 def test_the_answer_comes_when_the_robot_stands_and_has_planned(
-    refusal: str, monkeypatch: pytest.MonkeyPatch
+    refusal: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 60.0)
-    assert find_answer(GOAL, [*[None] * 20, refusal]) == refusal
+    answer = find_answer(GOAL, [*[None] * 20, refusal])
+    assert answer == (BEYOND if refusal == BEYOND else None)
 
 
 def test_a_goal_that_takes_long_counts_as_taken_and_a_plan_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 0.3)
-    assert find_answer(GOAL, [None]) == ""
-    assert "did not answer" in find_answer(TakePlan(geojson="a plan"), [None])
+    assert find_answer(GOAL, [None]) is None
+    assert find_answer(TakePlan(geojson="a plan"), [None]) == NoAnswer(0.3)
 
 
 def test_a_robot_without_ticks_does_not_hold_up_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 0.1)
-    assert "did not answer" in Verdicts(Inbox()).ask(GOAL, Who("Ada"))
+    assert Verdicts(Inbox()).ask(GOAL, Who("Ada")) == NoAnswer(0.1)
 
 
 def test_two_people_who_ask_in_one_tick_are_each_told_their_own_outcome() -> None:
@@ -89,6 +94,6 @@ def test_two_people_who_ask_in_one_tick_are_each_told_their_own_outcome() -> Non
         batch = msgspec.structs.replace(record.batch, requests=events)
         desk(msgspec.structs.replace(record, batch=batch, status=goal.status))
         ann, bob = (answer.result() for answer in told)
-    assert "two or three finite numbers" in ann
-    assert bob == ""
+    assert ann == ErrandRefused("goal", GoalNotFinite())
+    assert bob is None
     assert drive.mission.speed_mps == 0.3

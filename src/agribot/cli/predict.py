@@ -19,6 +19,7 @@ from agribot.cli.ranges import above, threads
 from agribot.cli.result_names import is_video, list_frames, name_results
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import AgribotError, ConfigError, RecordingError
+from agribot.core.fact_text import render
 from agribot.core.messages import ByteArray, PlantClass
 
 MEGAPIXELS, MOST_MEGAPIXELS = 64.0, 250.0
@@ -294,7 +295,7 @@ def _look(
     found = classify(segmenter, image_rgb, tile_px)
     cpu_ms = 1e3 * (time.process_time() - started_s)
     pieces = plants_in(found.class_id, found.confidence, least_px)
-    sure = {"doubt": "", "unfit": find_fault(image_rgb)}
+    sure = {"doubt": "", "unfit": render(find_fault(image_rgb))}
     return found, [_describe_piece(plant) for plant in pieces], sure, cpu_ms
 
 
@@ -302,7 +303,7 @@ def _describe_doubt(image_rgb: ByteArray, class_map: Any) -> dict[str, Any]:
     from agribot.autonomy.perceive.unfit import find_unfit
 
     doubt = "" if class_map.doubt is None else round(class_map.doubt, 4)
-    return {"doubt": doubt, "unfit": find_unfit(image_rgb, class_map)}
+    return {"doubt": doubt, "unfit": render(find_unfit(image_rgb, class_map))}
 
 
 def _describe_stem(stem: Any) -> dict[str, Any]:

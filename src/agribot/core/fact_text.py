@@ -104,6 +104,7 @@ def _write(value: Any, name: str, spec: str, conversion: str | None, language: s
     if isinstance(value, str):
         return known.get(value, value)
     if isinstance(value, tuple):
+        value = tuple(render(one, language) if isinstance(one, Fact) else one for one in value)
         return _join(value, known, "; " if conversion == "l" else f" {words['list']['and']} ")
     number = format(value if conversion is None else value * _SCALES[conversion], spec)
     return number.replace(".", words["number"]["point"])

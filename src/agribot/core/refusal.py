@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agribot.core.errors import MissionError
+from agribot.core.errors import AgribotError, MissionError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, Said
 
@@ -15,6 +15,6 @@ class MissionRefusal(MissionError):
         self.fact = fact
 
 
-def find_fact(error: MissionError) -> AnyFact:
+def find_fact(error: AgribotError) -> AnyFact:
     """Return what an error was raised for; of another than a refusal, its words."""
     return error.fact if isinstance(error, MissionRefusal) else Said(str(error))

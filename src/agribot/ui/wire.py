@@ -468,6 +468,7 @@ class Verdict(Message, frozen=True, kw_only=True):
     id: str
     ok: bool
     reason: str = ""
+    reason_fact: AnyFact | UnsetType = UNSET
 
 
 class Pong(Message, frozen=True, kw_only=True):
@@ -578,13 +579,13 @@ class Ask(Message, frozen=True, kw_only=True):
 class Answer(Message, frozen=True, kw_only=True):
     """What came of a question: a value, a refusal or an error.
 
-    `value` is of the type that the question has; `refusal` says why it is not wanted, `error`
+    `value` is of the type that the question has; `refusal` is why it is not wanted, `error`
     what failed.
     """
 
     id: int
     value: Any = None
-    refusal: str = ""
+    refusal: AnyFact | None = None
     error: str = ""
 
 

@@ -17,6 +17,7 @@ from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.wizard import Wizard
 from agribot.autonomy.perceive.foliage import HEIGHT_RATIO
 from agribot.core import config
+from agribot.core.facts import NoResult, NothingSeen
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass, RowLine, Scene, TickRecord
 from agribot.description.loader import load_robot
 from tests import nightly
@@ -96,7 +97,7 @@ def test_a_wrong_mount_is_found_and_the_next_run_believes_the_right_one(tmp_path
     with bench.session:
         found = bench.drive_to_the_end("camera")["found"]
         assert found["ok"], found["reasons"]
-        assert bench.do("accept")["refusal"] == ""
+        assert bench.do("accept")["refusal"] is None
     seems = next(c for c in found["changes"] if c["label"] == "Plants seem to move by")
     assert seems["after"] < 0.5 * seems["before"]
     next_run = config.load("farm", [*SETTINGS, *WRONG, *bench.file.settings()])
@@ -120,7 +121,7 @@ def test_rows_that_are_seen_beside_their_place_are_named(tmp_path: Path, aside_m
     bench = SeeingBench(tmp_path, line_aside_m=aside_m)
     with bench.session:
         found = bench.drive_to_the_end("row-view")["found"]
-        assert bench.do("accept")["refusal"] != ""  # nothing to take over
+        assert bench.do("accept")["refusal"] == NoResult()  # nothing to take over
     assert found["changes"][0]["after"] == pytest.approx(aside_m, abs=0.015)
     assert found["ok"] is (aside_m == 0.0)
     assert ["aside" in reason for reason in found["reasons"]] == [True] * (aside_m > 0.0)
@@ -130,5 +131,5 @@ def test_without_perception_the_robot_does_not_set_off(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     with bench.session:
         bench.stand_ready()
-        assert "perception.enabled" in bench.do("start", "camera")["refusal"]
+        assert bench.do("start", "camera")["refusal"] == NothingSeen()
         assert bench.phase() == "idle"

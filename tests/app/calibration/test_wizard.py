@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import msgspec
 import pytest
@@ -16,10 +17,19 @@ from agribot.app.calibration.wizard import Wizard
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.core import config
+from agribot.core.facts import (
+    NoResult,
+    NoSuchCalibration,
+    RobotDrives,
+    SensorSilent,
+    StoppedBy,
+    StopToClear,
+)
 from agribot.core.messages import STOP, Inbox, TickRecord, Who
 from agribot.description.loader import load_robot
 from tests import nightly
 from tests.asking import BY_WORD
+from tests.finding import is_like
 from tests.waiting import wait_for
 
 SETTINGS = (
@@ -69,7 +79,7 @@ class Bench:
 
     def drive_to_the_end(self, kind: str) -> dict[str, Any]:
         self.stand_ready()
-        assert self.do("start", kind)["refusal"] == ""
+        assert self.do("start", kind)["refusal"] is None
         self.tick_until(lambda _: self.phase() != "driving")
         return self.wait_for_result()
 
@@ -98,7 +108,7 @@ def test_a_wheel_of_another_size_is_found_and_taken_over_by_the_next_run(tmp_pat
         radius = next(change for change in found["changes"] if change["label"] == "Wheel radius")
         assert radius["before"] == 0.1
         assert radius["after"] == pytest.approx(0.0888, abs=0.003)
-        assert bench.do("accept")["refusal"] == ""
+        assert bench.do("accept")["refusal"] is None
         session.finish("enough")
     (path,) = (tmp_path / "run").glob("run.mcap")
     before = read_pass(path)
@@ -114,13 +124,13 @@ def test_the_compass_is_better_against_the_gyro_after_than_before(tmp_path: Path
     bench = Bench(tmp_path, "record.enabled=false", *CHEAP)
     with bench.session:
         bench.stand_ready()
-        assert bench.do("start", "magnetometer")["refusal"] == ""
+        assert bench.do("start", "magnetometer")["refusal"] is None
         seen = [0]
         while bench.phase() == "driving":
             bench.tick_until(lambda record: True)
             seen.append(sum((bench.wizard.describe_progress() or {})["directions"]))
         found = bench.wait_for_result()["found"]
-        assert bench.do("accept")["refusal"] == ""
+        assert bench.do("accept")["refusal"] is None
     assert found["ok"], found["reasons"]
     next_run, wanted = (
         config.load("farm", [*SETTINGS, *measured]).estimate
@@ -144,7 +154,7 @@ def test_a_motor_without_power_is_named(bench: Bench) -> None:
     bench.session.simulator.limit_torque("right_wheel_R", 0.0)
     found = bench.drive_to_the_end("motors")["found"]
     assert found is not None
-    assert bench.do("accept")["refusal"] != ""  # nothing to take over
+    assert bench.do("accept")["refusal"] == NoResult()  # nothing to take over
 
 
 def test_a_fit_that_fails_as_nobody_foresaw_ends_the_calibration_and_lets_another_begin(
@@ -157,13 +167,13 @@ def test_a_fit_that_fails_as_nobody_foresaw_ends_the_calibration_and_lets_anothe
     now = bench.drive_to_the_end("motors")["now"]
     assert now["phase"] == "failed" and "ZeroDivisionError: float division" in now["reason"]
     assert bench.tick_until(lambda record: record.command.drive == STOP)
-    assert bench.do("start", "motors")["refusal"] == ""
+    assert bench.do("start", "motors")["refusal"] is None
 
 
 @pytest.mark.parametrize("action", ["stop", "pause", "resume", "goto", "cancel"])
 def test_whatever_else_is_asked_of_the_robot_ends_it_at_once(bench: Bench, action: str) -> None:
     bench.stand_ready()
-    assert bench.do("start", "motors")["refusal"] == ""
+    assert bench.do("start", "motors")["refusal"] is None
     bench.tick_until(lambda record: record.command.drive.v_mps > 0.2)
     bench.post(action)
     ended = bench.tick_until(lambda _: bench.phase() == "failed")
@@ -180,7 +190,7 @@ def test_a_hand_and_the_loss_of_the_operator_end_it(bench: Bench) -> None:
     for reason, take in takes.items():
         bench.stand_ready()
         bench.tick_until(lambda record: abs(record.estimate.v_mps) < 0.01)
-        assert bench.do("start", "motors")["refusal"] == ""
+        assert bench.do("start", "motors")["refusal"] is None
         bench.tick_until(lambda record: record.command.drive.v_mps > 0.2)
         take()
         bench.tick_until(lambda _: bench.phase() == "failed")
@@ -191,12 +201,12 @@ def test_it_is_refused_while_a_mission_runs_or_a_stop_holds(bench: Bench) -> Non
     bench.stand_ready()
     bench.post("stop")
     bench.tick_until(lambda record: bool(record.batch.requests))
-    assert "release the stop" in bench.do("start", "motors")["refusal"]
+    assert bench.do("start", "motors")["refusal"] == StopToClear(StoppedBy("Bert"))
     bench.post("clear_stop")
     bench.post("resume")
     bench.tick_until(lambda record: record.status.state == "running")
-    assert "pause its mission" in bench.do("start", "motors")["refusal"]
-    assert "there is no calibration" in bench.do("start", "tyres")["refusal"]
+    assert bench.do("start", "motors")["refusal"] == RobotDrives()
+    assert is_like(bench.do("start", "tyres")["refusal"], NoSuchCalibration("tyres", ANY))
 
 
 def test_a_robot_that_is_held_gives_up_and_says_why(bench: Bench) -> None:
@@ -219,7 +229,7 @@ def test_a_robot_that_is_held_gives_up_and_says_why(bench: Bench) -> None:
 
     bench.session.platform = Deaf()
     ended = bench.tick_until(lambda _: bench.phase() == "failed")
-    assert "wheel encoders silent" in bench.do("look")["now"]["reason"]
+    assert is_like(ended.status.stopped_fact, SensorSilent("wheels", ANY, ANY, ANY))
     assert bench.do("look")["now"]["reason"] == ended.status.stopped, "at once, in its own words"
     still = bench.tick_until(lambda record: record.command.drive == STOP)
     assert still.batch.t_s == pytest.approx(ended.batch.t_s, abs=0.05)
@@ -236,10 +246,8 @@ def test_a_robot_is_offered_no_calibration_of_what_it_does_not_have(
     settings = config.load("farm", [*SETTINGS, f"sim.sensors={sensors}"])
     wizard = Wizard(Inbox(), robot, settings, RobotFile(tmp_path, "agribot"))
     absent = {"camera", "row-view"} if lacks == "camera" else {"magnetometer"}
-    offered = {kind["name"] for kind in wizard.answer({})["kinds"]}
-    assert offered == {*KINDS} - absent
+    offered_in_order = [kind["name"] for kind in wizard.answer({})["kinds"]]
+    assert {*offered_in_order} == {*KINDS} - absent
     for name in absent:
         told = wizard.answer({"do": "start", "kind": name, "by": "Anna"})
-        assert (
-            f"there is no calibration '{name}' of this robot; there are: drive" in told["refusal"]
-        )
+        assert told["refusal"] == NoSuchCalibration(name, ", ".join(offered_in_order))

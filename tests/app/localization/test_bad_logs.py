@@ -16,6 +16,8 @@ from agribot.app.localization.study import Study, StudyOptions, open_study
 from agribot.app.localization.time_order import order_by_stamp
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.fact_text import render
+from agribot.core.facts import NoFixesYet
 from agribot.record.bag.definitions import ros1_store
 from tests.app.localization import drives
 from tests.app.localization.drives import Drive, Message, Messages, make_drive
@@ -259,5 +261,5 @@ def test_a_filter_that_never_starts_is_a_report_that_says_why(
     )
     line = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert line["started_after_s"] is None and line["rms_to_fixes_m"] is None
-    assert line["reason"].startswith("never started: no ")
+    assert line["reason"] == f"never started: {render(NoFixesYet())}"
     assert "Not localized" in (out / "report.html").read_text()

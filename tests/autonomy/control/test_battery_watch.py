@@ -14,7 +14,15 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.core.config import SafetyConfig
 from agribot.core.errors import MissionError
 from agribot.core.fact_text import render
-from agribot.core.facts import BatteryEmpty, BatteryLow, Both, ErrandRefused, Said
+from agribot.core.facts import (
+    BatteryEmpty,
+    BatteryLow,
+    Both,
+    ErrandRefused,
+    OwnPathOnly,
+    Said,
+    StopToClear,
+)
 from agribot.core.messages import STOP, BatterySample, DriveCommand, Path, SensorBatch
 from agribot.record.events import EventSieve
 from tests.autonomy.control.kinematic_rover import TICK_S
@@ -95,16 +103,16 @@ def test_an_empty_battery_stops_the_mission_and_lets_a_hand_drive_after_a_clear(
     gate = Gate()
     for _ in range(300):
         sent, reason = gate.send(batch=running_down(gate, 0.15))
-    assert (sent.drive.v_mps, reason) == (0.4, "")
+    assert (sent.drive.v_mps, reason) == (0.4, None)
     assert gate.supervisor.warning
     for _ in range(300):
         sent, reason = gate.send(batch=running_down(gate, 0.05))
-    assert_stopped(sent, reason, "battery empty: 5 % left")
+    assert_stopped(sent, reason, StopToClear(BatteryEmpty(5.0, 8.0)))
     gate.send(STOP, state="paused", actions=("clear_stop",))
     for _ in range(50):
         sent, reason = gate.send(AHEAD, state="paused", is_by_hand=True)
-    assert (sent.drive, reason) == (AHEAD, "")
-    assert_stopped(*gate.send(batch=running_down(gate, 0.05)), "battery empty")
+    assert (sent.drive, reason) == (AHEAD, None)
+    assert_stopped(*gate.send(batch=running_down(gate, 0.05)), BatteryEmpty)
 
 
 def test_a_low_battery_sends_the_robot_home_once() -> None:
@@ -123,7 +131,7 @@ def test_a_low_battery_sends_the_robot_home_once() -> None:
     one.mission.obey_warning(low(17.0))
     assert one.be_at(*place).status.state == "paused", "a person decides from now on"
     one.mission.obey_warning(None)
-    assert one.be_at(*place).status.warning == ""
+    assert one.be_at(*place).status.warning_fact is None
 
 
 @pytest.mark.parametrize("words", [("pause",), ("stop", "clear_stop")])
@@ -148,7 +156,7 @@ def test_a_battery_that_gets_low_while_the_robot_stands_sends_it_home_once_it_is
     one.be_at(*place, "resume")
     for _ in range(3):
         one.mission.obey_warning(low(17.0))
-        assert one.be_at(*place).status.refusal == ""
+        assert one.be_at(*place).status.refusal_fact is None
 
 
 def test_a_battery_that_gets_low_while_the_robot_stops_for_a_goal_is_heeded_too() -> None:
@@ -184,7 +192,7 @@ def test_without_a_way_home_a_low_battery_stops_the_robot_where_it_is() -> None:
     status = one.be_at(*one.place(3.0)).status
     assert status.state == "paused"
     assert isinstance(status.fact, Both) and status.fact.first == low(19.0)
-    assert "cannot return home" in status.reason
+    assert status.fact.second == ErrandRefused("home", OwnPathOnly())
 
 
 def test_a_low_battery_stands_in_the_event_log_once() -> None:

@@ -11,7 +11,7 @@ import shapely
 
 from agribot.autonomy.control.fence import FieldFence, _Edges
 from agribot.core.config import SafetyConfig
-from agribot.core.fact_text import render
+from agribot.core.facts import BeyondField, Fact, LeavesField, NearEdgeAndDoubted, NearEdgeAndUnsure
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
     STOP,
@@ -26,6 +26,7 @@ from agribot.core.pose import Pose2
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import ROBOT, Gate, assert_stopped, goal
 from tests.autonomy.plan.planting import at
+from tests.finding import is_like
 
 FRONT_M, REAR_M, HALF_M = 0.5, 0.4, 0.45
 OUTER = [(0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (12.0, 12.0), (0.0, 10.0)]
@@ -67,17 +68,17 @@ class Fenced:
     def __init__(self, path: Path | None = None, s_m: float = 0.0) -> None:
         self.goal: Goal = msgspec.structs.replace(goal("running"), path=path, s_m=s_m)
         self.fence = FieldFence(FIELD, CONFIG, ACCEL_MPS2)
-        assert self(believed(5.0, 5.0)) == ""
+        assert self(believed(5.0, 5.0)) is None
 
-    def __call__(self, estimate: Estimate, drive: DriveCommand = AHEAD) -> str:
-        return render(self.fence.objection(estimate, drive, self.goal))
+    def __call__(self, estimate: Estimate, drive: DriveCommand = AHEAD) -> Fact | None:
+        return self.fence.objection(estimate, drive, self.goal)
 
 
 def test_a_robot_that_knows_where_it_is_drives_along_the_very_edge() -> None:
     fence = Fenced()
     for x_m in np.arange(1.0, 19.0, 0.05):
-        assert fence(believed(float(x_m), HALF_M, std_m=0.015)) == ""
-        assert fence(believed(float(x_m), HALF_M - 0.08, std_m=0.015)) == "", "off its way"
+        assert fence(believed(float(x_m), HALF_M, std_m=0.015)) is None
+        assert fence(believed(float(x_m), HALF_M - 0.08, std_m=0.015)) is None, "off its way"
 
 
 @pytest.mark.parametrize("v_mps", [0.1, 0.4, 1.0])
@@ -87,18 +88,18 @@ def test_it_is_stopped_so_early_that_it_comes_to_rest_inside(v_mps: float) -> No
     while not (objection := fence(believed(x_m, 5.0), drive)):
         x_m += 0.02 * v_mps
         assert x_m < 20.0
-    assert "about to leave the field" in objection
+    assert is_like(objection, LeavesField(x_m, 5.0, is_by_hand=False))
     stops_m = x_m + 0.15 * v_mps + v_mps * v_mps / (2.0 * ACCEL_MPS2)
     assert 20.0 - 0.05 < stops_m + FRONT_M < 20.0 + CONFIG.fence_tolerance_m
-    assert fence(believed(x_m, 5.0), DriveCommand(v_mps=-v_mps)) == "", "it may turn back"
-    assert fence(believed(x_m - 2.0 * v_mps, 5.0), drive) == ""
+    assert fence(believed(x_m, 5.0), DriveCommand(v_mps=-v_mps)) is None, "it may turn back"
+    assert fence(believed(x_m - 2.0 * v_mps, 5.0), drive) is None
 
 
 def test_a_hole_between_the_wheels_is_an_edge_too() -> None:
     fence = Fenced()
-    assert "beyond the edge" in fence(believed(8.15, 4.15), STOP)
-    assert "about to leave" in fence(believed(8.0 - FRONT_M + 0.05, 4.15))
-    assert fence(believed(8.15, 4.3 + HALF_M + 0.01)) == ""
+    assert is_like(fence(believed(8.15, 4.15), STOP), BeyondField(8.15, 4.15))
+    assert isinstance(fence(believed(8.0 - FRONT_M + 0.05, 4.15)), LeavesField)
+    assert fence(believed(8.15, 4.3 + HALF_M + 0.01)) is None
 
 
 @pytest.mark.parametrize(("std_m", "is_held"), [(0.05, False), (0.3, True), (1.0, True)])
@@ -109,9 +110,8 @@ def test_near_the_edge_an_uncertain_position_holds_the_robot_and_says_why(
     objection = fence(believed(10.0, HALF_M + 0.05, std_m=std_m))
     assert bool(objection) is is_held
     if is_held:
-        assert f"good to {std_m:.2f} m" in objection
-        assert "larger --margin" in objection
-    assert fence(believed(5.0, 5.0, std_m=std_m)) == "", "far from every edge it may drive"
+        assert is_like(objection, NearEdgeAndUnsure(10.0, HALF_M + 0.05, std_m))
+    assert fence(believed(5.0, 5.0, std_m=std_m)) is None, "far from every edge it may drive"
 
 
 @pytest.mark.parametrize("quality", [GnssQuality.SINGLE, GnssQuality.DGNSS])
@@ -122,9 +122,9 @@ def test_without_carrier_corrections_nothing_of_the_uncertainty_is_forgiven(
     std_m, sigmas = 0.12, CONFIG.fence_single_sigma
     beside = replace_quality(believed(10.0, HALF_M + 0.9 * sigmas * std_m, std_m=std_m), quality)
     clear = replace_quality(believed(10.0, HALF_M + 1.1 * sigmas * std_m, std_m=std_m), quality)
-    assert "too near to the edge" in Fenced()(beside)
-    assert Fenced()(clear) == ""
-    assert Fenced()(replace_quality(beside, GnssQuality.RTK_FIXED)) == ""
+    assert isinstance(Fenced()(beside), NearEdgeAndUnsure)
+    assert Fenced()(clear) is None
+    assert Fenced()(replace_quality(beside, GnssQuality.RTK_FIXED)) is None
 
 
 @pytest.mark.parametrize(
@@ -139,13 +139,13 @@ def test_too_uncertain_for_where_it_is_the_robot_may_only_drive_away_from_the_ed
 ) -> None:
     """Otherwise a robot that is put down beside a field could never drive."""
     near = believed(10.0, 0.8, math.radians(yaw_deg), std_m=0.3)
-    assert (Fenced()(replace_quality(near, GnssQuality.SINGLE), drive) == "") is may
+    assert (Fenced()(replace_quality(near, GnssQuality.SINGLE), drive) is None) is may
 
 
 def test_two_solutions_that_differ_do_not_even_let_it_drive_away() -> None:
     near = replace_quality(believed(10.0, 0.8, math.pi / 4.0, std_m=0.1), GnssQuality.SINGLE)
-    assert Fenced()(near) == ""
-    assert "contradict each other" in Fenced()(split(near, 0.6))
+    assert Fenced()(near) is None
+    assert isinstance(Fenced()(split(near, 0.6)), NearEdgeAndDoubted)
 
 
 def split(estimate: Estimate, apart_m: float) -> Estimate:
@@ -157,13 +157,13 @@ def split(estimate: Estimate, apart_m: float) -> Estimate:
 
 def test_sensors_that_contradict_each_other_keep_the_robot_off_the_edge() -> None:
     beside = believed(10.0, HALF_M + 0.2, std_m=0.02)
-    assert Fenced()(split(beside, 0.0)) == ""
-    assert Fenced()(split(beside, CONFIG.fence_unsure_m + 0.1)) == ""
+    assert Fenced()(split(beside, 0.0)) is None
+    assert Fenced()(split(beside, CONFIG.fence_unsure_m + 0.1)) is None
     told = Fenced()(split(beside, CONFIG.fence_unsure_m + 0.3))
-    assert "may be 0.70 m beside it, since its sensors contradict each other" in told
+    assert is_like(told, NearEdgeAndDoubted(10.0, HALF_M + 0.2, 0.7))
     single = replace_quality(believed(10.0, HALF_M + 0.5, std_m=0.02), GnssQuality.SINGLE)
-    assert Fenced()(split(single, 0.4)) == ""
-    assert "contradict each other" in Fenced()(split(single, 0.6))
+    assert Fenced()(split(single, 0.4)) is None
+    assert isinstance(Fenced()(split(single, 0.6)), NearEdgeAndDoubted)
 
 
 def replace_quality(estimate: Estimate, quality: GnssQuality) -> Estimate:
@@ -174,7 +174,7 @@ def test_uncertain_along_its_way_only_it_may_drive_beside_an_edge() -> None:
     wide = msgspec.structs.replace(
         believed(10.0, HALF_M + 0.05), pose_cov=(1.0, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 0.0)
     )
-    assert Fenced()(wide) == ""
+    assert Fenced()(wide) is None
     assert Fenced()(msgspec.structs.replace(wide, pose_cov=(1e-4, 0, 0, 0, 1.0, 0, 0, 0, 0)))
 
 
@@ -191,15 +191,15 @@ def test_a_way_that_was_planned_out_of_the_field_may_be_driven() -> None:
     way = along((5.0, 5.0), (-3.0, 5.0))
     for x_m in np.arange(4.0, -3.0, -0.25):
         fence = Fenced(way, s_m=5.0 - float(x_m))
-        assert fence(believed(float(x_m), 5.0, math.pi)) == ""
+        assert fence(believed(float(x_m), 5.0, math.pi)) is None
     fence = Fenced(way, s_m=0.5)
     assert fence(believed(0.2, 5.0, math.pi)), "elsewhere than its way is"
 
 
 def test_a_robot_that_jumps_over_the_edge_is_outside() -> None:
     fence = Fenced()
-    assert "beyond the edge" in fence(believed(5.0, -3.0), STOP)
-    assert fence(believed(5.0, 5.0)) == ""
+    assert is_like(fence(believed(5.0, -3.0), STOP), BeyondField(5.0, -3.0))
+    assert fence(believed(5.0, 5.0)) is None
     for x_m in np.arange(19.0, 23.0, 0.02):  # carried over it by hand
         fence.fence._here.touch((float(x_m), 5.0, 0.0), (-0.1, 0.1, -0.1, 0.1))
     assert fence(believed(22.98, 5.0), STOP)
@@ -239,7 +239,9 @@ def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge
     gate = Gate()
     first, second = along((5.0, 5.0), (19.0, 5.0)), along((8.15, 5.0), (15.0, 5.0))
 
-    def send(estimate: Estimate, path: Path | None, s_m: float = 0.0) -> tuple[RobotCommand, str]:
+    def send(
+        estimate: Estimate, path: Path | None, s_m: float = 0.0
+    ) -> tuple[RobotCommand, Fact | None]:
         gate.rover.t_s += TICK_S
         bounds = None if path is None else FIELD
         wanted = msgspec.structs.replace(goal("running"), bounds=bounds, path=path, s_m=s_m)
@@ -247,20 +249,20 @@ def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge
         estimate = msgspec.structs.replace(estimate, t_s=batch.t_s)
         sent, reason = gate.supervisor.check(gate.command(AHEAD), estimate, batch, wanted)
         gate.rover.turn_wheels(sent.drive)
-        return sent, render(reason)
+        return sent, reason
 
     for _ in range(10):
-        assert send(believed(5.0, 5.0), first)[1] == ""
+        assert send(believed(5.0, 5.0), first)[1] is None
     over_the_hole = believed(8.15, 4.15)
     for path in (first, second, None, second):  # none while a way is planned
         for _ in range(40):
             sent, reason = send(over_the_hole, path)
-            assert path is None or "beyond the edge of the field" in reason
+            assert path is None or reason == BeyondField(8.15, 4.15)
             assert path is None or sent.drive == STOP
     back = along((19.75, 5.0), (5.0, 5.0))
     for _ in range(40):
         sent, reason = send(believed(19.75, 5.0, math.pi), back)
-        assert reason == "", "a way back in that was planned from there is free"
+        assert reason is None, "a way back in that was planned from there is free"
     assert sent.drive == AHEAD
 
 
@@ -271,16 +273,16 @@ def test_the_supervisor_holds_the_mission_at_the_edge_and_lets_a_hand_bring_it_b
     check = gate.supervisor.check
     gate.send(estimate=inside)
 
-    def send(estimate: Estimate, *, is_by_hand: bool = False) -> tuple[object, str]:
+    def send(estimate: Estimate, *, is_by_hand: bool = False) -> tuple[RobotCommand, Fact | None]:
         gate.rover.t_s += 0.02
         batch = gate.rover.batch()
         command = msgspec.structs.replace(gate.command(AHEAD))
         sent, reason = check(command, estimate, batch, bounded, is_by_hand=is_by_hand)
-        return sent, render(reason)
+        return sent, reason
 
-    assert send(inside)[1] == ""
+    assert send(inside)[1] is None
     assert ROBOT.drive.max_accel_mps2 == ACCEL_MPS2
     sent, reason = send(out)
-    assert_stopped(sent, reason, "beyond the edge of the field")  # type: ignore[arg-type]
-    assert send(out, is_by_hand=True)[1] == ""
-    assert send(inside)[1] == "", "nothing was latched"
+    assert_stopped(sent, reason, BeyondField(19.9, 5.0))
+    assert send(out, is_by_hand=True)[1] is None
+    assert send(inside)[1] is None, "nothing was latched"

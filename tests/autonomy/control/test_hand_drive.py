@@ -6,9 +6,10 @@ import pytest
 
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.core.config import SafetyConfig
-from agribot.core.facts import PausedByHand
+from agribot.core.facts import CommandNotFinite, PausedByHand, SpeedLimited, StoppedBy
 from agribot.core.messages import DriveCommand, HandDrive, MissionState, PauseFor, SensorBatch, Who
 from tests.autonomy.control.test_supervisor import Gate, goal
+from tests.finding import holds
 
 MISSION = DriveCommand(v_mps=0.4, yaw_rate_radps=0.0)
 
@@ -62,7 +63,7 @@ def test_the_supervisor_lets_a_hand_drive_without_mission_or_position(state: Mis
     lost = gate.lost_estimate()
     for _ in range(100):
         command, reason = gate.send(MISSION, estimate=lost, state=state, is_by_hand=True)
-    assert reason == ""
+    assert reason is None
     assert command.drive.v_mps == pytest.approx(0.4)
     assert not command.implement.is_on
 
@@ -71,7 +72,7 @@ def test_a_stop_holds_against_a_hand_until_it_is_cleared() -> None:
     gate = Gate()
     command, reason = gate.send(MISSION, state="paused", actions=("stop",), is_by_hand=True)
     assert command.drive.v_mps == 0.0
-    assert "stopped by" in reason
+    assert holds(reason, StoppedBy("operator"))
     command, _ = gate.send(MISSION, state="paused", actions=("clear_stop",), is_by_hand=True)
     assert command.drive.v_mps > 0.0
 
@@ -81,7 +82,7 @@ def test_a_hand_that_asks_for_a_number_that_is_none_gets_nothing(speed_mps: floa
     drive = DriveCommand(v_mps=speed_mps, yaw_rate_radps=0.0)
     command, reason = Gate().send(drive, state="paused", is_by_hand=True)
     assert command.drive == DriveCommand()
-    assert "not finite" in reason
+    assert isinstance(reason, CommandNotFinite)
 
 
 def test_a_hand_gets_no_more_speed_than_the_robot_is_allowed() -> None:
@@ -89,4 +90,4 @@ def test_a_hand_gets_no_more_speed_than_the_robot_is_allowed() -> None:
     for _ in range(200):
         command, reason = gate.send(DriveCommand(v_mps=50.0), state="paused", is_by_hand=True)
     assert command.drive.v_mps <= SafetyConfig().max_speed_mps
-    assert "limited" in reason
+    assert isinstance(reason, SpeedLimited)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import get_args
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -12,8 +13,32 @@ from agribot.autonomy.control.camera_watch import CameraWatch
 from agribot.autonomy.control.gate_machine import STATES
 from agribot.autonomy.control.hazards import CHECKS, HAZARDS, OF_BOARD
 from agribot.core.config import SafetyConfig
-from agribot.core.fact_text import render
-from agribot.core.facts import FarFromMap, NoFixesYet, NoPosition, PictureUnfit
+from agribot.core.facts import (
+    CameraLate,
+    CameraSilent,
+    DrivenByHand,
+    Fact,
+    FarFromMap,
+    ImuLineSpoilt,
+    ImuSpoilt,
+    LeavesBox,
+    LeavesField,
+    MissionIdle,
+    MissionSetsOff,
+    MotorsReportFault,
+    NetworkSilent,
+    NoFixesYet,
+    NoPosition,
+    Over,
+    PictureUnfit,
+    Runaway,
+    Said,
+    StopCleared,
+    StopToClear,
+    TooDark,
+    Wheel,
+    WheelsWrong,
+)
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
     STOP,
@@ -31,6 +56,7 @@ from agribot.sim.faults.table import find_kind
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_protective_stops import faulty, touching
 from tests.autonomy.control.test_supervisor import FORWARD, Gate, assert_stopped, goal
+from tests.finding import holds, is_like
 
 AHEAD = DriveCommand(v_mps=0.4)
 CHECKS_OF_A_BARE_ROBOT = tuple(name for name in CHECKS if name not in ("camera", *OF_BOARD))
@@ -66,56 +92,57 @@ def spoilt(gate: Gate, **changes: tuple[float, float, float]) -> SensorBatch:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"accel_mps2": (0.0, 1e200, 9.8)}, {"gyro_radps": (-3e7, 0.0, 0.2)}]
+    ("changes", "value"),
+    [({"accel_mps2": (0.0, 1e200, 9.8)}, 1e200), ({"gyro_radps": (-3e7, 0.0, 0.2)}, 3e7)],
 )
 def test_one_spoilt_number_of_the_imu_is_told_and_no_tilt(
-    changes: dict[str, tuple[float, float, float]],
+    changes: dict[str, tuple[float, float, float]], value: float
 ) -> None:
     gate = Gate().cruise()
     sent, reason = gate.send(batch=spoilt(gate, **changes))
-    assert (sent.drive, reason) == (FORWARD, "")
-    assert "IMU sent a number out of range" in gate.supervisor.gate.told
+    assert (sent.drive, reason) == (FORWARD, None)
+    assert gate.supervisor.gate.told_fact == ImuSpoilt(value)
     for _ in range(300):
         sent, reason = gate.send()
-    assert (sent.drive, reason, gate.supervisor.gate.told) == (FORWARD, "", "")
+    assert (sent.drive, reason) == (FORWARD, None)
+    assert not holds(gate.supervisor.gate.told_fact, Fact)
 
 
 def test_a_line_that_spoils_numbers_again_and_again_is_no_line_to_drive_with() -> None:
     gate = Gate().cruise()
     for _ in range(3):
-        assert gate.send()[1] == ""
+        assert gate.send()[1] is None
         for _ in range(30):
             gate.send()
         sent, reason = gate.send(batch=spoilt(gate, accel_mps2=(0.0, 1e200, 9.8)))
-    assert_stopped(sent, reason, "IMU sent 3 numbers out of range", "clear the stop")
+    assert_stopped(sent, reason, StopToClear(ImuLineSpoilt(3, ANY, ANY)))
 
 
-def states_of(gate: Gate) -> tuple[str, str]:
-    return gate.supervisor.gate.state, gate.supervisor.gate.reason
+def states_of(gate: Gate) -> tuple[str, Fact | None]:
+    return gate.supervisor.gate.state, gate.supervisor.gate.fact
 
 
 def test_the_gate_tells_its_state_and_why_at_every_turn() -> None:
     gate = Gate()
     gate.send(STOP, state="waiting")
-    assert states_of(gate) == ("standby", "mission waiting: why")
+    assert states_of(gate) == ("standby", MissionIdle("waiting", Said("why")))
     gate.cruise()
-    state, reason = states_of(gate)
-    assert (state, reason[:20]) == ("driving", "the mission sets off")
+    assert states_of(gate) == ("driving", MissionSetsOff())
     gate.send(estimate=gate.lost_estimate())
-    assert states_of(gate) == ("held", "no position: no GNSS fix")
+    assert states_of(gate) == ("held", NoPosition(Said("no GNSS fix")))
     gate.send()
-    assert states_of(gate) == ("driving", "over: no position: no GNSS fix")
+    assert states_of(gate) == ("driving", Over(NoPosition(Said("no GNSS fix"))))
     gate.send(DriveCommand(v_mps=3.0))
     assert states_of(gate)[0] == "slowed"
     gate.send(batch=touching(gate, 0.5))
     assert states_of(gate)[0] == "stopped"
     gate.send(STOP, state="paused", actions=("clear_stop",))
-    state, reason = states_of(gate)
-    assert (state, reason) == ("standby", "the stop was cleared by operator; mission paused: why")
+    cleared = StopCleared("operator", MissionIdle("paused", Said("why")))
+    assert states_of(gate) == ("standby", cleared)
     hand = HandDrive(t_s=gate.rover.t_s, v_mps=-0.2, yaw_rate_radps=0.0, who=Who("Ann"))
     batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S, hand=(hand,))
     gate.send(DriveCommand(v_mps=-0.2), batch=batch, state="paused", is_by_hand=True)
-    assert states_of(gate) == ("by hand", "Ann drives by hand")
+    assert states_of(gate) == ("by hand", DrivenByHand("Ann"))
     for _ in range(30):  # until nothing is touched any more
         gate.send(DriveCommand(v_mps=-0.2), state="paused", is_by_hand=True)
     gate.send()
@@ -158,7 +185,7 @@ def test_an_item_that_is_not_good_holds_the_start_with_its_reason(
     assert_stopped(sent, reason)
     status = gate.supervisor.gate
     assert status.state == "checking"
-    assert status.reason == reason != ""
+    assert reason is not None and status.fact == reason
     assert [check.name for check in status.checks if not check.is_ok] == [item]
     gate.send(estimate=bad)
     assert not gate.supervisor.gate.checks, "reported once"
@@ -202,7 +229,8 @@ def test_a_mission_after_the_end_of_one_is_checked_anew() -> None:
 
 def test_a_motor_at_fault_is_an_item_of_the_list() -> None:
     gate = Gate()
-    assert_stopped(*gate.send(batch=faulty(gate, ("left_wheel_F",))), "left front motor")
+    dead = ("left_wheel_F",)
+    assert_stopped(*gate.send(batch=faulty(gate, dead)), MotorsReportFault(dead))
     assert states_of(gate)[0] == "stopped"
 
 
@@ -216,38 +244,38 @@ def at(x_m: float) -> Estimate:
     return msgspec.structs.replace(Gate().rover.estimate(), x_map_m=x_m, y_map_m=10.0)
 
 
-def by_hand(gate: Gate, estimate: Estimate) -> tuple[DriveCommand, str]:
+def by_hand(gate: Gate, estimate: Estimate) -> tuple[DriveCommand, Fact | None]:
     bounded = msgspec.structs.replace(goal("paused"), bounds=SQUARE, path=None)
     gate.rover.t_s += TICK_S
     sent, reason = gate.supervisor.check(
         gate.command(AHEAD), estimate, gate.rover.batch(), bounded, is_by_hand=True
     )
     gate.rover.turn_wheels(sent.drive)
-    return sent.drive, render(reason)
+    return sent.drive, reason
 
 
 def test_a_hand_that_takes_the_robot_out_of_the_field_is_stopped_once_and_then_may() -> None:
     gate = Gate()
     for _ in range(5):
-        assert by_hand(gate, at(10.0))[1] == ""
+        assert by_hand(gate, at(10.0))[1] is None
     drive, reason = by_hand(gate, at(19.6))
     assert drive == STOP
-    assert "about to leave the field" in reason
+    assert holds(reason, LeavesField(19.6, 10.0, is_by_hand=True))
     gate.send(STOP, state="paused", actions=("clear_stop",))
     drive, reason = by_hand(gate, at(19.6))
     assert drive.v_mps > 0.0
-    assert reason == ""
-    assert by_hand(Gate(), at(25.0))[1] == "", "outside it may be brought back"
+    assert reason is None
+    assert by_hand(Gate(), at(25.0))[1] is None, "outside it may be brought back"
     lost = msgspec.structs.replace(at(19.6), pos_std_m=9.0)
-    assert by_hand(Gate(), lost)[1] == "", "who does not know the place says nothing of it"
+    assert by_hand(Gate(), lost)[1] is None, "who does not know the place says nothing of it"
 
 
 def test_the_box_around_the_path_counts_with_the_way_of_braking() -> None:
     gate = Gate(SafetyConfig(geofence_margin_m=5.0)).cruise()
     near = gate.believed(x_map_m=4.95)
-    assert_stopped(*gate.send(AHEAD, estimate=near), "about to leave the geofence")
+    assert_stopped(*gate.send(AHEAD, estimate=near), LeavesBox(4.95, ANY, is_inside=True))
     back = gate.send(DriveCommand(v_mps=-0.4), estimate=near)
-    assert back[1] == ""
+    assert back[1] is None
 
 
 class Pictures:
@@ -256,7 +284,7 @@ class Pictures:
     def __init__(self) -> None:
         self.watch, self._ticks = CameraWatch(SafetyConfig()), 0
 
-    def go(self, seconds: float, fault: str = "") -> str:
+    def go(self, seconds: float, fault: str = "") -> Fact | None:
         for _ in range(round(seconds * 10)):
             self._ticks += 1
             t_s = self._ticks / 10.0
@@ -266,24 +294,24 @@ class Pictures:
             frames = () if fault == "off" else (frame,)
             scenes = () if fault in ("off", "hung") else (scene,)
             self.watch.update(SensorBatch(t_s=t_s, frames=frames), scenes)
-        return render(self.watch.fault)
+        return self.watch.fault
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "wanted"),
     [
-        ("off", "camera silent for"),
-        ("late", "camera pictures are 2.0 s late"),
-        ("hung", "the network says nothing"),
+        ("off", CameraSilent(ANY, ANY)),
+        ("late", CameraLate(2.0, ANY)),
+        ("hung", NetworkSilent(ANY, ANY)),
     ],
 )
 def test_a_camera_or_a_network_that_fails_is_named_and_the_tool_goes_off(
-    fault: str, words: str
+    fault: str, wanted: Fact
 ) -> None:
     pictures = Pictures()
-    assert pictures.go(3.0) == ""
-    assert words in pictures.go(1.5, fault)
-    assert pictures.go(0.5) == ""
+    assert pictures.go(3.0) is None
+    assert is_like(pictures.go(1.5, fault), wanted, within=0.05)
+    assert pictures.go(0.5) is None
     gate = Gate().cruise()
     for tick in range(150):
         scene = Scene(t_s=gate.rover.t_s, ready_s=gate.rover.t_s, frame_index=0, plants=(),
@@ -296,12 +324,12 @@ def test_a_camera_or_a_network_that_fails_is_named_and_the_tool_goes_off(
         gate.rover.turn_wheels(sent.drive)
     assert (sent.drive, reason) == (FORWARD, None), "it drives on"
     assert not sent.implement.is_on
-    assert "network" in gate.supervisor.gate.told
+    assert isinstance(gate.supervisor.gate.told_fact, NetworkSilent)
 
 
 def test_the_tool_is_off_while_the_plants_that_the_camera_names_are_in_doubt() -> None:
     gate = Gate().cruise()
-    for doubt, is_on in ((None, True), (PictureUnfit("picture is too dark"), False), (None, True)):
+    for doubt, is_on in ((None, True), (PictureUnfit(cause=TooDark()), False), (None, True)):
         for _ in range(3):
             gate.rover.t_s += TICK_S
             estimate = gate.believed(plants_fact=doubt)
@@ -332,4 +360,6 @@ def test_a_board_that_runs_away_is_told_with_the_red_button() -> None:
         gate.rover.turn_wheels(DriveCommand(v_mps=1.0))
         sent, reason = gate.send()
     assert sent.drive == STOP
-    assert reason.startswith("RUNAWAY, cut the power with the red button: wheels turn too fast")
+    by_button = Runaway(ANY, is_cut=False, is_contactor_stuck=False)
+    assert is_like(reason, by_button)
+    assert holds(reason, WheelsWrong(get_args(Wheel), "fast", ANY, ANY))

@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+from typing import get_args
+from unittest.mock import ANY
+
 import msgspec
 import pytest
 
 from agribot.autonomy.control.hazards import CONTACTOR
 from agribot.autonomy.control.power_cut import BLIND_S, OPENING_S, REST_S
-from agribot.core.facts import AnyFact, NoContactor, RelayLost
+from agribot.core.facts import (
+    AnyFact,
+    ButtonPressed,
+    ContactorInTrouble,
+    ContactorSilent,
+    ContactorStaysOpen,
+    ContactorWelded,
+    Fact,
+    MotorsUnpowered,
+    NoContactor,
+    RelayLost,
+    Runaway,
+    SensorSilent,
+    Wheel,
+    WheelsTurnUnpowered,
+    WheelsWrong,
+)
 from agribot.core.messages import (
     STOP,
     BoardSample,
@@ -20,8 +39,13 @@ from agribot.core.messages import (
 )
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import FORWARD, Gate
+from tests.finding import holds
 
 FULL = DriveCommand(v_mps=1.0)
+TOO_FAST = WheelsWrong(get_args(Wheel), "fast", ANY, 0.0)
+CUT = Runaway(ANY, is_cut=True, is_contactor_stuck=False)
+BY_BUTTON = Runaway(ANY, is_cut=False, is_contactor_stuck=False)
+STUCK = Runaway(ANY, is_cut=False, is_contactor_stuck=True)
 
 
 class Machine:
@@ -36,7 +60,7 @@ class Machine:
         self.wheels: DriveCommand | None = None
         self.button = False
         self.sent = RobotCommand(t_s=0.0)
-        self.reason = ""
+        self.reason: Fact | None = None
 
     def go(
         self, seconds: float, drive: DriveCommand = FORWARD, *actions: RequestWord,
@@ -71,9 +95,9 @@ class Machine:
         )  # fmt: skip
 
     @property
-    def stopped(self) -> str:
+    def stopped(self) -> Fact | None:
         gate = self.gate.supervisor.gate
-        return gate.reason if gate.state == "stopped" else ""
+        return gate.fact if gate.state == "stopped" else None
 
 
 @pytest.fixture
@@ -93,7 +117,7 @@ def test_wheels_that_turn_on_though_they_are_to_stand_lose_their_power(machine: 
     run_away(machine)
     assert machine.sent.is_power_cut
     assert machine.stopped and machine.sent.drive == STOP
-    assert "RUNAWAY, the motors' power is cut: wheels turn too fast" in machine.reason
+    assert holds(machine.reason, CUT, TOO_FAST)
 
 
 @pytest.mark.parametrize("state", ["waiting", "paused", "done", "failed"])
@@ -107,7 +131,7 @@ def test_a_board_that_sets_off_while_the_robot_stands_is_cut_within_half_a_secon
     machine.wheels = FULL
     machine.go(0.5, STOP, state=state)
     assert machine.sent.is_power_cut and machine.stopped
-    assert "RUNAWAY, the motors' power is cut: wheels turn too fast" in machine.reason
+    assert holds(machine.reason, CUT, TOO_FAST)
 
 
 @pytest.mark.parametrize("has_contactor", [False, True])
@@ -119,7 +143,7 @@ def test_a_paused_robot_is_pushed_freely_until_a_person_presses_stop(has_contact
     assert not (machine.stopped or machine.reason or machine.sent.is_power_cut)
     machine.go(0.1, STOP, "stop", state="paused")
     assert machine.sent.is_power_cut is has_contactor
-    assert "RUNAWAY" in machine.reason
+    assert holds(machine.reason, Runaway)
 
 
 def test_a_runaway_in_a_pause_of_a_robot_without_a_contactor_stops_the_mission() -> None:
@@ -127,8 +151,8 @@ def test_a_runaway_in_a_pause_of_a_robot_without_a_contactor_stops_the_mission()
     machine.go(1.0, STOP, state="paused")
     machine.wheels = FULL
     machine.go(0.5, STOP, state="paused")
-    assert "wheels turn too fast" in machine.stopped
-    assert "RUNAWAY, cut the power with the red button" in machine.reason
+    assert holds(machine.stopped, TOO_FAST)
+    assert holds(machine.reason, BY_BUTTON)
 
 
 def test_a_robot_without_a_contactor_is_told_of_the_red_button_and_cuts_nothing() -> None:
@@ -136,7 +160,7 @@ def test_a_robot_without_a_contactor_is_told_of_the_red_button_and_cuts_nothing(
     machine.go(1.0)
     run_away(machine)
     assert not machine.sent.is_power_cut
-    assert "RUNAWAY, cut the power with the red button" in machine.reason
+    assert holds(machine.reason, BY_BUTTON)
 
 
 def test_a_board_that_obeys_its_stop_keeps_its_power_to_brake_with(machine: Machine) -> None:
@@ -158,7 +182,7 @@ def test_the_power_comes_back_once_the_stop_is_cleared_and_all_wheels_stand(
     machine.go(0.5, STOP, state="paused")
     machine.go(0.5, STOP, "clear_stop", state="paused")
     assert machine.sent.is_power_cut
-    assert machine.stopped and "the motors have no power, and the wheels turn" in machine.stopped
+    assert holds(machine.stopped, WheelsTurnUnpowered)
     machine.wheels = None
     machine.go(2.0, STOP, state="paused")
     assert machine.sent.is_power_cut, "it stands, and the stop is not cleared"
@@ -181,7 +205,7 @@ def test_no_command_passes_before_the_contactor_is_closed(machine: Machine) -> N
     machine.go(0.1, STOP, "clear_stop", state="paused")
     machine.is_closed = False
     machine.gate.send(batch=machine.sense())
-    assert machine.gate.supervisor.gate.reason.startswith("the motors have no power yet")
+    assert machine.gate.supervisor.gate.fact == MotorsUnpowered()
 
 
 def test_the_red_button_opens_the_contactor_until_it_is_released_and_cleared(
@@ -189,7 +213,7 @@ def test_the_red_button_opens_the_contactor_until_it_is_released_and_cleared(
 ) -> None:
     machine.button = True
     machine.go(0.1)
-    assert machine.sent.is_power_cut and "red button" in machine.stopped
+    assert machine.sent.is_power_cut and holds(machine.stopped, ButtonPressed)
     machine.go(2.0, STOP, "clear_stop", state="paused")
     assert machine.sent.is_power_cut, "it is still pressed"
     machine.button = False
@@ -200,7 +224,10 @@ def test_the_red_button_opens_the_contactor_until_it_is_released_and_cleared(
 def test_a_stopped_robot_whose_wheels_nobody_sees_loses_its_power(machine: Machine) -> None:
     machine.are_wheels_seen = False
     machine.go(0.6)
-    assert "silent" in machine.stopped and not machine.sent.is_power_cut
+    assert (
+        holds(machine.stopped, SensorSilent("wheels", ANY, 0.3, ANY))
+        and not machine.sent.is_power_cut
+    )
     machine.go(BLIND_S)
     assert machine.sent.is_power_cut
     machine.go(2.0, STOP, "clear_stop", state="paused")
@@ -217,19 +244,19 @@ def test_a_robot_that_begins_stopped_begins_without_power_and_others_with_it() -
 
 
 @pytest.mark.parametrize(
-    ("harm", "words"),
+    ("harm", "wanted"),
     [
-        ({"is_silent": True}, "the contactor does not answer: silent for"),
-        ({"fault": RelayLost("USB")}, "the contactor does not answer: its line USB is lost"),
+        ({"is_silent": True}, ContactorSilent(ANY, 0.3)),
+        ({"fault": RelayLost("USB")}, ContactorInTrouble(cause=RelayLost("USB"))),
     ],
 )
 def test_a_contactor_that_does_not_answer_stops_the_robot_and_is_named(
-    harm: dict[str, object], words: str, machine: Machine
+    harm: dict[str, object], wanted: Fact, machine: Machine
 ) -> None:
     for name, value in harm.items():
         setattr(machine, name, value)
     machine.go(1.0)
-    assert words in machine.stopped
+    assert holds(machine.stopped, wanted)
     assert machine.sent.is_power_cut
     before = machine.stopped
     for name in harm:
@@ -245,7 +272,7 @@ def test_a_contactor_that_stays_open_is_named(machine: Machine) -> None:
     for _ in range(round(2.0 / TICK_S)):
         machine.is_closed = False
         machine.gate.send(batch=machine.sense(), actions=("clear_stop",))
-    assert "the contactor stays open" in machine.gate.supervisor.gate.reason
+    assert holds(machine.gate.supervisor.gate.fact, ContactorStaysOpen)
 
 
 @pytest.mark.parametrize("is_told", [True, False])
@@ -256,7 +283,7 @@ def test_a_contactor_that_does_not_open_calls_for_the_red_button(
     run_away(machine)
     machine.go(OPENING_S + 0.5)
     assert machine.sent.is_power_cut
-    assert "RUNAWAY, cut the power with the red button" in machine.reason
+    assert holds(machine.reason, STUCK)
 
 
 def test_a_robot_of_which_one_of_two_contactors_is_welded_stands_and_drives_no_more(
@@ -264,12 +291,12 @@ def test_a_robot_of_which_one_of_two_contactors_is_welded_stands_and_drives_no_m
 ) -> None:
     machine.is_one_welded = True
     run_away(machine)
-    assert "RUNAWAY, the motors' power is cut" in machine.reason, "the other one opened"
+    assert holds(machine.reason, CUT), "the other one opened"
     machine.wheels = None
     machine.go(OPENING_S + 0.5, STOP, state="paused")
     machine.go(2.0, STOP, "clear_stop", state="paused")
     assert machine.sent.is_power_cut
-    assert "one contactor stays closed" in machine.reason and "replace it" in machine.reason
+    assert holds(machine.reason, ContactorWelded)
     machine.is_one_welded = False  # it is replaced
     machine.go(2.0, STOP, "clear_stop", state="paused")
     assert not machine.stopped and not machine.sent.is_power_cut
@@ -280,7 +307,7 @@ def test_a_wheel_that_rolls_out_slows_down_and_is_no_welded_contactor(machine: M
     for v_mps in (0.9, 0.75, 0.6, 0.4, 0.2):
         machine.wheels = DriveCommand(v_mps=v_mps)
         machine.go(0.4)
-        assert "red button" not in machine.reason
+        assert not holds(machine.reason, Runaway) or holds(machine.reason, CUT)
 
 
 def test_the_list_before_the_start_says_that_there_is_no_contactor() -> None:

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from agribot.autonomy.control.progress_watch import ProgressWatch
-from agribot.core.fact_text import render
+from agribot.core.facts import Fact, StopToClear, Stuck
 from agribot.core.geo import WGS84_A_M
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, SensorBatch, WheelSample
 from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
@@ -33,13 +33,13 @@ class Ride:
         self.t_s = self.way_m = self.yaw_rad = self.x_m = self.y_m = 0.0
         self._fix_xy = 0.0, 0.0
 
-    def go(self, seconds: float) -> str:
+    def go(self, seconds: float) -> Fact | None:
         found = None
         for tick in range(round(seconds / TICK_S)):
             found = self.watch.watch(self.batch(tick % 5 == 0))
             if found:
                 break
-        return render(found)
+        return found
 
     def batch(self, has_fix: bool) -> SensorBatch:
         self.t_s += TICK_S
@@ -78,9 +78,9 @@ def test_a_robot_whose_wheels_turn_in_mud_is_told_to_be_stuck_within_seconds(
 ) -> None:
     ride = Ride(quality)
     ride.has_velocity = has_velocity
-    assert ride.go(10.0) == ""
+    assert ride.go(10.0) is None
     ride.kept_ratio, begun_s = 0.02, ride.t_s
-    assert "stuck or slipping: the wheels turned" in ride.go(10.0)
+    assert isinstance(ride.go(10.0), Stuck)
     assert ride.t_s - begun_s <= within_s
 
 
@@ -88,9 +88,9 @@ def test_a_clod_that_holds_the_robot_for_two_seconds_is_climbed_and_no_fault() -
     ride = Ride()
     for _ in range(5):
         ride.kept_ratio = 0.8
-        assert ride.go(4.0) == ""
+        assert ride.go(4.0) is None
         ride.kept_ratio = 0.0
-        assert ride.go(2.0) == ""
+        assert ride.go(2.0) is None
 
 
 @pytest.mark.parametrize("kept_ratio", [0.5, 0.7, 1.3])
@@ -100,7 +100,7 @@ def test_slip_that_leaves_half_of_the_way_is_no_fault_on_any_curve(
 ) -> None:
     ride = Ride()
     ride.kept_ratio, ride.turn_radps = kept_ratio, turn_radps
-    assert ride.go(30.0) == ""
+    assert ride.go(30.0) is None
 
 
 @pytest.mark.parametrize(
@@ -112,15 +112,15 @@ def test_a_robot_that_got_out_of_a_soft_place_by_itself_is_not_told_to_be_stuck(
 ) -> None:
     """It slides out of a curve, bogs down or rolls back for a moment, and gets on again."""
     ride = Ride()
-    assert ride.go(5.0) == ""
+    assert ride.go(5.0) is None
     ride.turn_radps, ride.kept_ratio, ride.slide_rad = turn_radps, kept_ratio, slide_rad
-    assert ride.go(0.5) == ""
+    assert ride.go(0.5) is None
     ride.kept_ratio = -back_ratio
-    assert ride.go(bogged_s) == ""
+    assert ride.go(bogged_s) is None
     ride.kept_ratio, ride.slide_rad = 0.7, 0.0
-    assert ride.go(8.0) == ""
+    assert ride.go(8.0) is None
     ride.kept_ratio = 0.02
-    assert "stuck or slipping" in ride.go(4.0), "a robot without headway is reported"
+    assert isinstance(ride.go(4.0), Stuck), "a robot without headway is reported"
 
 
 def test_wheels_that_turn_against_each_other_end_what_was_before() -> None:
@@ -129,31 +129,31 @@ def test_wheels_that_turn_against_each_other_end_what_was_before() -> None:
     ride.go(5.0)
     for _ in range(4):
         ride.kept_ratio = 0.0
-        assert ride.go(0.5) == ""
+        assert ride.go(0.5) is None
         ride.is_on_spot = True
-        assert ride.go(0.8) == ""
+        assert ride.go(0.8) is None
         ride.is_on_spot, ride.kept_ratio = False, 0.6
-        assert ride.go(1.0) == ""
+        assert ride.go(1.0) is None
     ride.kept_ratio = 0.0
-    assert "stuck or slipping" in ride.go(4.0)
+    assert isinstance(ride.go(4.0), Stuck)
 
 
 def test_a_receiver_that_repeats_itself_jumps_or_falls_silent_is_no_sign_of_mud() -> None:
     ride = Ride()
     ride.go(5.0)
     ride.is_frozen = True
-    assert ride.go(10.0) == "", "its velocity still says that the robot gets on"
+    assert ride.go(10.0) is None, "its velocity still says that the robot gets on"
     ride = Ride()
     ride.go(5.0)
     for shift_m in (-0.4, 0.4, -2.0):
         ride.shift_m = shift_m
-        assert ride.go(5.0) == ""
+        assert ride.go(5.0) is None
     ride = Ride()
     ride.go(2.0)
     for _ in range(500):  # it is moved on while its receiver is silent
         assert ride.watch.watch(ride.batch(False)) is None
     ride.x_m = 0.8
-    assert ride.go(0.1) == ""
+    assert ride.go(0.1) is None
 
 
 @pytest.mark.parametrize("off_rad", [1.0, 20.0, 1e9])
@@ -165,7 +165,7 @@ def test_a_spoilt_number_of_an_encoder_is_no_way(off_rad: float) -> None:
         a, b, c, d = spoilt.wheels[0].angle_rad
         wheel = msgspec.structs.replace(spoilt.wheels[0], angle_rad=(a + 4.0 * off_rad, b, c, d))
         assert ride.watch.watch(msgspec.structs.replace(spoilt, wheels=(wheel,))) is None
-        assert ride.go(0.1) == ""
+        assert ride.go(0.1) is None
 
 
 def test_a_mission_in_mud_is_stopped_and_a_hand_is_not() -> None:
@@ -175,13 +175,13 @@ def test_a_mission_in_mud_is_stopped_and_a_hand_is_not() -> None:
         fix = ride.batch(tick % 5 == 0).gnss
         batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S, gnss=fix)
         sent, reason = gate.send(batch=batch)
-    assert_stopped(sent, reason, "stuck or slipping", "clear the stop")
+    assert_stopped(sent, reason, StopToClear, Stuck)
     gate.send(actions=("clear_stop",), state="paused")
     for _ in range(50):
         fix = ride.batch(True).gnss
         batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S, gnss=fix)
         sent, reason = gate.send(batch=batch, state="paused", is_by_hand=True)
-    assert reason == ""
+    assert reason is None
     assert sent.drive.v_mps > 0.0
 
 

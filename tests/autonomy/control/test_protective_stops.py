@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
+from unittest.mock import ANY
 
 import msgspec
 import pytest
@@ -10,8 +12,24 @@ import pytest
 from agribot.autonomy.control.bumper import RELEASE_S
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.core.config import SafetyConfig
-from agribot.core.fact_text import render
-from agribot.core.facts import StoppedBy
+from agribot.core.facts import (
+    ClockJumped,
+    ClockStands,
+    ClockUnreadable,
+    ClockWentBack,
+    End,
+    Fact,
+    MotorsReportFault,
+    OnlyAway,
+    Runaway,
+    StillTouches,
+    StoppedBy,
+    StopToClear,
+    Tilted,
+    Touched,
+    Wheel,
+    WheelsWrong,
+)
 from agribot.core.latch import Latch
 from agribot.core.messages import (
     STOP,
@@ -33,6 +51,7 @@ from tests.autonomy.control.test_supervisor import (
     assert_stopped,
     tilted_batch,
 )
+from tests.finding import holds, is_like
 
 AHEAD, BACK = DriveCommand(v_mps=0.3), DriveCommand(v_mps=-0.3)
 
@@ -53,30 +72,34 @@ def test_a_touch_stops_the_robot_in_its_very_tick_whoever_drives(
     for _ in range(50):
         gate.send(AHEAD, state=state, is_by_hand=is_by_hand)
     sent, reason = gate.send(AHEAD, batch=touching(gate, 0.5), state=state, is_by_hand=is_by_hand)
-    assert_stopped(sent, reason, "bumper", "in front", "0.50 m", "0.10 m to the left")
+    touched = Touched("front", 0.5, 0.1, "left")
+    assert_stopped(sent, reason, touched)
     for _ in range(200):  # what was touched is gone, the stop is not
-        assert_stopped(*gate.send(AHEAD, state=state, is_by_hand=is_by_hand), "bumper")
+        assert_stopped(*gate.send(AHEAD, state=state, is_by_hand=is_by_hand), touched)
     gate.send(STOP, state="paused", actions=("clear_stop",))
     sent, reason = gate.send(AHEAD, state=state, is_by_hand=is_by_hand)
     assert sent.drive.v_mps > 0.0
-    assert reason == ""
+    assert reason is None
 
 
 def test_a_robot_that_stands_is_held_by_a_touch_too() -> None:
     gate = Gate()
     gate.send(STOP, state="waiting", batch=touching(gate, 0.5))
-    assert_stopped(*gate.send(FORWARD), "bumper")
+    assert_stopped(*gate.send(FORWARD), StopToClear, Touched)
 
 
-@pytest.mark.parametrize(("x_body_m", "away"), [(0.5, BACK), (-0.5, AHEAD), (0.01, BACK)])
+@pytest.mark.parametrize(
+    ("x_body_m", "end", "away"),
+    [(0.5, "front", BACK), (-0.5, "behind", AHEAD), (0.01, "front", BACK)],
+)
 def test_while_it_touches_a_hand_gets_the_robot_straight_away_only(
-    x_body_m: float, away: DriveCommand
+    x_body_m: float, end: End, away: DriveCommand
 ) -> None:
     gate = Gate()
     gate.send(STOP, state="paused", batch=touching(gate, x_body_m))
     gate.send(STOP, state="paused", batch=touching(gate, x_body_m), actions=("clear_stop",))
 
-    def by_hand(drive: DriveCommand) -> tuple[DriveCommand, str]:
+    def by_hand(drive: DriveCommand) -> tuple[DriveCommand, Fact | None]:
         batch = touching(gate, x_body_m)
         sent, reason = gate.send(drive, state="paused", batch=batch, is_by_hand=True)
         return sent.drive, reason
@@ -84,9 +107,7 @@ def test_while_it_touches_a_hand_gets_the_robot_straight_away_only(
     towards = DriveCommand(v_mps=-away.v_mps)
     turning = DriveCommand(yaw_rate_radps=0.5)
     for wanted in (towards, turning):
-        drive, reason = by_hand(wanted)
-        assert drive == STOP
-        assert "only straight away" in reason
+        assert by_hand(wanted) == (STOP, OnlyAway((end,)))
     drive, _ = by_hand(DriveCommand(v_mps=away.v_mps, yaw_rate_radps=0.4))
     assert drive.v_mps * away.v_mps > 0.0
     assert drive.yaw_rate_radps == 0.0
@@ -94,7 +115,7 @@ def test_while_it_touches_a_hand_gets_the_robot_straight_away_only(
         sent, reason = gate.send(away, state="paused", is_by_hand=True)
         assert sent.drive.v_mps * away.v_mps > 0.0
     sent, reason = gate.send(towards, state="paused", is_by_hand=True)
-    assert reason == "", "it touches no more"
+    assert reason is None, "it touches no more"
 
 
 def test_a_touch_on_the_other_side_while_backing_off_stops_again() -> None:
@@ -104,9 +125,9 @@ def test_a_touch_on_the_other_side_while_backing_off_stops_again() -> None:
     sent, _ = gate.send(BACK, state="paused", is_by_hand=True)
     assert sent.drive.v_mps < 0.0
     sent, reason = gate.send(BACK, state="paused", batch=touching(gate, -0.5), is_by_hand=True)
-    assert_stopped(sent, reason, "behind", "clear the stop")
+    assert_stopped(sent, reason, StopToClear(Touched("behind", 0.5, 0.1, "left")))
     for _ in range(100):
-        assert_stopped(*gate.send(AHEAD, state="paused", is_by_hand=True), "clear the stop")
+        assert_stopped(*gate.send(AHEAD, state="paused", is_by_hand=True), StopToClear)
 
 
 def test_a_mission_does_not_go_on_while_the_robot_touches() -> None:
@@ -114,23 +135,16 @@ def test_a_mission_does_not_go_on_while_the_robot_touches() -> None:
     gate.send(batch=touching(gate, 0.5))
     gate.send(STOP, state="paused", batch=touching(gate, 0.5), actions=("clear_stop",))
     sent, reason = gate.send(batch=touching(gate, 0.5))
-    assert_stopped(sent, reason, "still touches", "back off by hand")
+    assert_stopped(sent, reason, StillTouches(("front",)))
 
 
 @pytest.mark.parametrize(
-    ("faults", "words"),
-    [
-        ((WHEEL_NAMES[3],), "left front motor reports a fault"),
-        ((WHEEL_NAMES[0], WHEEL_NAMES[1]), "right rear and left rear motors report a fault"),
-        (("overheated",), "overheated motor reports a fault"),
-    ],
+    "faults", [(WHEEL_NAMES[3],), (WHEEL_NAMES[0], WHEEL_NAMES[1]), ("overheated",)]
 )
-def test_a_motor_fault_of_the_board_stops_and_names_the_motor(
-    faults: tuple[str, ...], words: str
-) -> None:
+def test_a_motor_fault_of_the_board_stops_and_names_the_motor(faults: tuple[str, ...]) -> None:
     gate = Gate().cruise()
-    assert_stopped(*gate.send(batch=faulty(gate, faults)), words)
-    assert_stopped(*gate.send(), words)
+    assert_stopped(*gate.send(batch=faulty(gate, faults)), MotorsReportFault(faults))
+    assert_stopped(*gate.send(), MotorsReportFault(faults))
 
 
 def faulty(gate: Gate, faults: tuple[str, ...]) -> SensorBatch:
@@ -146,9 +160,9 @@ def test_a_robot_with_a_dead_motor_is_driven_off_by_hand_but_takes_up_no_mission
     gate.send(STOP, state="paused", batch=faulty(gate, dead), actions=("clear_stop",))
     for _ in range(50):
         sent, reason = gate.send(BACK, state="paused", batch=faulty(gate, dead), is_by_hand=True)
-        assert reason == ""
+        assert reason is None
     assert sent.drive == BACK
-    assert_stopped(*gate.send(batch=faulty(gate, dead)), "left front motor")
+    assert_stopped(*gate.send(batch=faulty(gate, dead)), MotorsReportFault(dead))
 
 
 def test_who_clears_a_stop_of_their_own_has_not_accepted_a_fault_that_comes_later() -> None:
@@ -160,7 +174,7 @@ def test_who_clears_a_stop_of_their_own_has_not_accepted_a_fault_that_comes_late
     gate.send(STOP, state="paused", actions=("clear_stop",))
     dead = (WHEEL_NAMES[0],)
     sent, reason = gate.send(AHEAD, state="paused", batch=faulty(gate, dead), is_by_hand=True)
-    assert_stopped(sent, reason, "right rear motor reports a fault")
+    assert_stopped(sent, reason, MotorsReportFault(dead))
 
 
 def test_a_fault_that_only_an_earlier_sample_of_a_tick_tells_of_stops_the_robot_too() -> None:
@@ -170,7 +184,7 @@ def test_a_fault_that_only_an_earlier_sample_of_a_tick_tells_of_stops_the_robot_
     well = msgspec.structs.replace(before, faults=())
     batch = msgspec.structs.replace(gate.rover.batch(), wheels=(before, after, after, well))
     sent, reason = gate.send(batch=msgspec.structs.replace(batch, t_s=gate.rover.t_s + TICK_S))
-    assert_stopped(sent, reason, "left front and right rear motors report a fault")
+    assert_stopped(sent, reason, MotorsReportFault((WHEEL_NAMES[3], WHEEL_NAMES[0])))
 
 
 def test_a_tilt_waits_for_a_person_who_drives_the_robot_down_by_hand() -> None:
@@ -178,39 +192,39 @@ def test_a_tilt_waits_for_a_person_who_drives_the_robot_down_by_hand() -> None:
     steep = (9.8 * math.sin(0.9), 0.0, 9.8 * math.cos(0.9))
     for _ in range(100):
         sent, reason = gate.send(batch=tilted_batch(gate, steep))
-    assert_stopped(sent, reason, "tilted by", "by hand", "clear the stop")
+    assert_stopped(sent, reason, StopToClear, Tilted)
     for _ in range(200):  # it was put upright again
-        assert_stopped(*gate.send(), "tilted by")
+        assert_stopped(*gate.send(), Tilted)
     gate.send(STOP, state="paused", batch=tilted_batch(gate, steep), actions=("clear_stop",))
     for _ in range(100):
         sent, reason = gate.send(
             BACK, state="paused", batch=tilted_batch(gate, steep), is_by_hand=True
         )
-        assert reason == ""
+        assert reason is None
     assert sent.drive == BACK
     sent, reason = gate.send(batch=tilted_batch(gate, steep))
-    assert_stopped(sent, reason, "tilted by")
+    assert_stopped(sent, reason, Tilted)
 
 
 @pytest.mark.parametrize(
-    ("step_s", "words"),
+    ("step_s", "wanted"),
     [
-        (-5.0, "went back by 4.98 s"),
-        (10.0, "jumped by 10.02 s > 1.00 s"),
-        (math.nan, "clock reads nan"),
+        (-5.0, ClockWentBack(4.98)),
+        (10.0, ClockJumped(10.02, 1.0)),
+        (math.nan, ClockUnreadable(math.nan)),
     ],
 )
 def test_a_clock_that_jumps_stops_the_robot_until_a_person_clears_it(
-    step_s: float, words: str
+    step_s: float, wanted: Fact
 ) -> None:
     gate = Gate().cruise()
     gate.rover.t_s += step_s
     sent, reason = gate.send()
-    assert_stopped(sent, reason, words)
+    assert_stopped(sent, reason, wanted)
     gate.rover.t_s = 100.0
     for _ in range(100):
-        assert_stopped(*gate.send(), words)
-    assert gate.send(actions=("clear_stop",))[1] == ""
+        assert_stopped(*gate.send(), wanted)
+    assert gate.send(actions=("clear_stop",))[1] is None
 
 
 def test_a_clock_that_stands_stops_the_robot() -> None:
@@ -219,13 +233,13 @@ def test_a_clock_that_stands_stops_the_robot() -> None:
     for _ in range(10):
         batch = msgspec.structs.replace(gate.rover.batch(), t_s=t_s)
         sent, reason = gate.send(batch=batch)
-    assert_stopped(sent, reason, "clock stands still")
+    assert_stopped(sent, reason, ClockStands(t_s))
 
 
 def test_a_slow_tick_is_no_jump_of_the_clock() -> None:
     gate = Gate().cruise()
     gate.rover.t_s += 0.25
-    assert gate.send()[1] == ""
+    assert gate.send()[1] is None
 
 
 def test_nothing_latches_while_the_robot_is_not_to_move() -> None:
@@ -253,15 +267,16 @@ def test_a_board_that_runs_on_though_the_robot_should_stand_is_told_until_it_sta
         sent, reason = gate.send(drive if actions else STOP, state="paused")
         assert sent.drive == STOP
         reasons.append(reason)
-    assert "wheels turn too fast: 7.7 rad/s instead of 0.0" in reasons[-1]
-    stopped = render(gate.supervisor._latch.cause)
-    assert stopped.startswith("stopped by operator" if actions else "wheels turn too fast")
+    too_fast = WheelsWrong(get_args(Wheel), "fast", 7.7, 0.0)
+    assert holds(reasons[-1], too_fast, within=0.05)
+    by_itself = WheelsWrong(get_args(Wheel), "fast", ANY, 0.0)
+    assert is_like(gate.supervisor._latch.cause, StoppedBy("operator") if actions else by_itself)
     for _ in range(50):
         sent, reason = gate.send(STOP, state="paused")
-    assert "RUNAWAY" not in reason
+    assert not holds(reason, Runaway)
     for _ in range(100):
         gate.rover.turn_wheels(DriveCommand(v_mps=0.25))  # people push it
-        assert "RUNAWAY" not in gate.send(STOP, state="paused")[1]
+        assert not holds(gate.send(STOP, state="paused")[1], Runaway)
 
 
 def test_a_latch_closed_by_others_holds_the_robot_and_keeps_its_first_reason() -> None:
@@ -269,7 +284,7 @@ def test_a_latch_closed_by_others_holds_the_robot_and_keeps_its_first_reason() -
     latch.hold(StoppedBy("Ann"))
     gate = Gate()
     gate.supervisor = Supervisor(SafetyConfig(), ROBOT, latch)
-    assert_stopped(*gate.send(batch=touching(gate, 0.5)), "stopped by Ann")
+    assert_stopped(*gate.send(batch=touching(gate, 0.5)), StoppedBy("Ann"))
     latch.hear(ask(PressStop(), "Bert"))
     assert latch.cause == StoppedBy("Ann")
     for action in ("resume", "start", "pause"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import EstimateConfig
+from agribot.core.facts import CameraAndGnssDisagree, PictureMirrored, RowLineMoved
 from agribot.core.messages import ControlMission, Estimate, RowLine
 from tests import nightly
 from tests.asking import ask
@@ -18,6 +20,7 @@ from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, rec
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches
 from tests.autonomy.estimate.test_doubts import FIELD, north, sight, told
+from tests.finding import is_like
 
 FROM_S = 12.0
 Spoil = Callable[[float, RowLine], RowLine]
@@ -86,7 +89,7 @@ class Drive:
 
     @property
     def first(self) -> Estimate:
-        return next(e for e in self.estimates if e.contradiction)
+        return next(e for e in self.estimates if e.contradiction_fact)
 
 
 @pytest.mark.parametrize("errors", [M8N, RTK], ids=["m8n", "rtk"])
@@ -95,8 +98,7 @@ def test_a_camera_that_is_knocked_aside_in_a_row_is_named_and_not_followed(
     off_m: float, errors: Errors
 ) -> None:
     drive = Drive(record(north, 22.0, seed=1, errors=errors), knocked(off_m))
-    assert drive.first.contradiction.startswith("the camera's row line moved by 0.")
-    assert "look whether the camera was knocked" in drive.first.contradiction
+    assert is_like(drive.first.contradiction_fact, RowLineMoved(0.5), within=0.5)
     assert drive.first.verdicts.camera.state == "contradicted"
     assert drive.first.verdicts.gnss.state == "fine"
     assert FROM_S < drive.first.t_s < FROM_S + 1.5
@@ -108,14 +110,15 @@ def test_a_camera_that_is_knocked_aside_in_a_row_is_named_and_not_followed(
 def test_a_camera_that_slides_off_is_named_before_a_wheel_reaches_the_crop(mps: float) -> None:
     drive = Drive(record(north, 24.0, seed=1, errors=M8N), sliding(mps))
     first = drive.first
-    assert first.contradiction.startswith("the camera's row line moved by")
+    assert isinstance(first.contradiction_fact, RowLineMoved)
     assert drive.off_m(first) < 0.25
     assert first.across_protection_m > drive.off_m(first)
 
 
 def test_with_corrections_a_camera_that_slides_off_slowly_is_found_out_by_the_receiver() -> None:
     drive = Drive(record(north, FROM_S + 22.0, seed=1, errors=RTK), sliding(0.01))
-    assert drive.first.contradiction.startswith("camera and GNSS disagree by 0.1")
+    disagree = CameraAndGnssDisagree(0.15, ANY)
+    assert is_like(drive.first.contradiction_fact, disagree, within=0.055)
     assert max(drive.off_m(e) for e in drive.estimates if e.t_s > 6.0) < 0.1
 
 
@@ -140,7 +143,7 @@ def test_whoever_resumes_believes_the_camera_again() -> None:
 
     drive = Drive(record(halting, 26.0, seed=1, errors=M8N), knocked(0.2), resume_s=18.0)
     at_17 = next(e for e in drive.estimates if e.t_s > 17.0)
-    assert at_17.contradiction and drive.off_m(at_17) < 0.06
+    assert at_17.contradiction_fact and drive.off_m(at_17) < 0.06
     after = [e for e in drive.estimates if e.t_s > 22.0]
     assert not told(after)
     assert all(0.1 < drive.off_m(e) < 0.25 for e in after)
@@ -148,8 +151,7 @@ def test_whoever_resumes_believes_the_camera_again() -> None:
 
 def test_a_mirrored_picture_is_named_by_the_turns_and_used_for_nothing() -> None:
     drive = Drive(record(weaving, 40.0, seed=1, errors=M8N), mirrored)
-    named = next(e for e in drive.estimates if "left and right" in e.reason)
-    assert named.reason.startswith("camera picture turns against the robot's turns")
+    named = next(e for e in drive.estimates if isinstance(e.fact, PictureMirrored))
     assert named.verdicts.camera.state == "contradicted"
     assert named.t_s < FROM_S + 12.0
     assert drive.into.rejected["picture mirrored"] > 50

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -14,6 +15,7 @@ from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.facts import CameraAndGnssDisagree, Fact, GnssJumped, GnssRepeats, PictureFrozen
 from agribot.core.messages import (
     BaseFix,
     ControlMission,
@@ -35,6 +37,7 @@ from tests.autonomy.estimate.test_localizer_faults import (
     shifted,
     with_fixes,
 )
+from tests.finding import holds, is_like
 
 FROM_S = 12.0
 # Rows that run North, the robot on the first of them.
@@ -83,9 +86,9 @@ def sight(recording: Recording, t_s: float, aside_m: float, rng: np.random.Gener
     return Scene(t_s=t_s, ready_s=t_s, frame_index=0, plants=(), view_body_m=(), row_line=line)
 
 
-def told(estimates: list[Estimate]) -> str:
+def told(estimates: list[Estimate]) -> Fact | None:
     """The first contradiction."""
-    return next((e.contradiction for e in estimates if e.contradiction), "")
+    return next((e.contradiction_fact for e in estimates if e.contradiction_fact), None)
 
 
 def jumped(size_m: float) -> Recording:
@@ -101,9 +104,8 @@ def crept(mps: float, duration_s: float = 30.0) -> Recording:
 def test_fixes_that_jump_while_the_robot_drives_are_not_followed_but_named() -> None:
     recording = jumped(0.4)
     _, estimates = drive(recording)
-    assert told(estimates).startswith("GNSS jumped by 0.")
-    assert "against wheels and gyro" in told(estimates)
-    first = next(e for e in estimates if e.contradiction)
+    assert is_like(told(estimates), GnssJumped(0.5), within=0.5)
+    first = next(e for e in estimates if e.contradiction_fact)
     assert first.t_s < FROM_S + 3.5
     assert distance_m(recording, at(estimates, FROM_S + 4.0)) < 0.1
     assert first.ok
@@ -121,7 +123,7 @@ def test_a_jump_of_a_receiver_with_one_fix_a_second_is_named_although_its_times_
     )
     recording = with_fixes_at(recording, lambda t: round(10.0 * t) % 20 in (0, 9))
     _, estimates = drive(recording)
-    assert told(estimates).startswith("GNSS jumped by ")
+    assert isinstance(told(estimates), GnssJumped)
     assert max(distance_m(recording, e) for e in estimates if e.t_s > 12.0) < 0.2
 
 
@@ -139,19 +141,19 @@ def test_fixes_before_a_long_silence_do_not_speak_against_those_after_it(
 def test_a_person_who_goes_on_believes_gnss_where_no_camera_saw_the_row() -> None:
     recording = spoilt(record(halting, 24.0, seed=1), lambda fix: shifted(fix, 0.4))
     _, estimates = drive(recording, resume_s=18.0)
-    assert at(estimates, 17.9).contradiction
+    assert at(estimates, 17.9).contradiction_fact
     assert distance_m(recording, at(estimates, 17.9)) < 0.1
     after = [e for e in estimates if e.t_s > 18.03]
-    assert not any(e.contradiction for e in after)
+    assert not any(e.contradiction_fact for e in after)
     assert all(0.3 < distance_m(recording, e) < 0.5 for e in after)
 
 
 def test_a_person_who_goes_on_believes_the_camera_where_it_saw_the_row() -> None:
     recording = spoilt(record(halting, 24.0, seed=1), lambda fix: shifted(fix, 0.4))
     _, estimates = drive(recording, camera=True, resume_s=18.0)
-    assert told(estimates).startswith("camera and GNSS disagree by 0.4")
+    assert is_like(told(estimates), CameraAndGnssDisagree(0.45, ANY), within=0.055)
     after = [e for e in estimates if e.t_s > 18.03]
-    assert not any(e.contradiction for e in after)
+    assert not any(e.contradiction_fact for e in after)
     assert max(distance_m(recording, e) for e in after) < 0.1
 
 
@@ -159,8 +161,8 @@ def test_a_person_who_goes_on_believes_the_camera_where_it_saw_the_row() -> None
 def test_a_jump_that_the_camera_contradicts_leaves_the_robot_on_its_row(size_m: float) -> None:
     recording = jumped(size_m)
     _, estimates = drive(recording, camera=True)
-    assert told(estimates).startswith("camera and GNSS disagree by")
-    first = next(e for e in estimates if e.contradiction)
+    assert isinstance(told(estimates), CameraAndGnssDisagree)
+    first = next(e for e in estimates if e.contradiction_fact)
     assert first.t_s < FROM_S + 4.0
     assert max(distance_m(recording, e) for e in estimates if e.t_s > 6.0) < 0.12
 
@@ -171,8 +173,8 @@ def test_fixes_that_creep_off_the_row_are_stopped_before_a_wheel_reaches_the_cro
 ) -> None:
     recording = crept(mps, FROM_S + 0.2 / mps + 6.0)
     _, estimates = drive(recording, camera=True)
-    first = next(e for e in estimates if e.contradiction)
-    assert first.contradiction.startswith("camera and GNSS disagree by 0.")
+    first = next(e for e in estimates if e.contradiction_fact)
+    assert is_like(first.contradiction_fact, CameraAndGnssDisagree(0.5, ANY), within=0.5)
     assert max(distance_m(recording, e) for e in estimates if 6.0 < e.t_s < first.t_s) < off_m
 
 
@@ -185,9 +187,10 @@ def test_after_a_slow_creep_a_person_who_goes_on_is_back_on_the_row() -> None:
         lambda fix: shifted(fix, min(0.04 * (fix.t_s - FROM_S), 0.25)),
     )
     _, estimates = drive(recording, camera=True, resume_s=24.0)
-    assert at(estimates, 23.9).contradiction.startswith("camera and GNSS disagree by 0.2")
+    before = at(estimates, 23.9).contradiction_fact
+    assert is_like(before, CameraAndGnssDisagree(0.25, ANY), within=0.055)
     after = [e for e in estimates if e.t_s > 24.03]
-    assert not any(e.contradiction for e in after)
+    assert not any(e.contradiction_fact for e in after)
     assert max(distance_m(recording, e) for e in after) < 0.1
 
 
@@ -195,18 +198,19 @@ def test_after_a_slow_creep_a_person_who_goes_on_is_back_on_the_row() -> None:
 def test_rows_beside_their_map_are_a_finding_once_they_were_so_for_a_while(aside_m: float) -> None:
     _, estimates = drive(record(north, 20.0, seed=2), camera=True, aside_m=aside_m)
     assert not told(estimates)
-    assert any("disagree by 0." in e.reason for e in estimates), "until then no pose is certain"
+    doubted = [e for e in estimates if isinstance(e.fact, CameraAndGnssDisagree)]
+    assert doubted, "until then no pose is certain"
     after = [e for e in estimates if e.t_s > FROM_S]
-    assert all(not e.reason for e in after)
+    assert not any(e.fact for e in after)
     assert all(e.verdicts.camera.state == e.verdicts.gnss.state == "fine" for e in after)
     assert all(e.rows_off_m[0] == pytest.approx(-aside_m, abs=0.04) for e in after)
-    doubted = max(e.across_protection_m for e in estimates if "disagree" in e.reason)
-    assert doubted > abs(aside_m) > 2.0 * after[-1].across_protection_m
+    most_m = max(e.across_protection_m for e in doubted)
+    assert most_m > abs(aside_m) > 2.0 * after[-1].across_protection_m
 
 
 def test_rows_far_beside_their_map_are_left_to_a_person() -> None:
     _, estimates = drive(record(north, 20.0, seed=2), camera=True, aside_m=0.35)
-    assert told(estimates).startswith("camera and GNSS disagree by 0.3")
+    assert is_like(told(estimates), CameraAndGnssDisagree(0.35, ANY), within=0.055)
 
 
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
@@ -215,7 +219,9 @@ def test_without_a_fault_nothing_is_contradicted(errors: Errors, seed: int) -> N
     recording = record(north, 25.0, seed=seed, errors=errors)
     _, estimates = drive(recording, camera=True, seed=seed)
     assert not told(estimates)
-    assert not any("disagree" in e.reason or "repeats" in e.reason for e in estimates)
+    assert not any(
+        holds(e.fact, one) for e in estimates for one in (CameraAndGnssDisagree, GnssRepeats)
+    )
 
 
 def repeated(still: bool) -> Callable[[GnssFix], GnssFix]:
@@ -237,7 +243,7 @@ def test_a_receiver_that_repeats_its_place_while_the_wheels_turn_is_named_and_no
     recording = spoilt(record(north, 24.0, seed=3), repeated(still))
     into, estimates = drive(recording)
     named = at(estimates, FROM_S + 2.5)
-    assert named.reason.startswith("GNSS repeats its position while the wheels turned 0.")
+    assert is_like(named.fact, GnssRepeats(0.5), within=0.5)
     assert into.rejected["gnss repeats itself"] > 90
     assert max(distance_m(recording, e) for e in estimates if e.t_s > 6.0) < 0.3
     assert estimates[-1].pos_std_m > 3.0 * at(estimates, FROM_S).pos_std_m
@@ -256,14 +262,14 @@ def test_a_base_station_with_noise_does_not_move_a_receiver_that_repeats_its_pla
         told = (base,) * (tick % 10 == 0)
         estimate = into.update(msgspec.structs.replace(batch, base=told))
     assert into.rejected["gnss repeats itself"] > 45
-    assert estimate.reason.startswith("GNSS repeats its position while the wheels turned")
+    assert holds(estimate.fact, GnssRepeats)
 
 
 def test_a_receiver_without_noise_on_a_standing_robot_may_repeat_itself() -> None:
     into = localizer()
     estimates = [into.update(batch) for batch in batches(record(halting, 25.0, errors=QUIET))]
     assert into.rejected["gnss repeats itself"] == 0
-    assert all("repeats" not in e.reason for e in estimates)
+    assert not any(holds(e.fact, GnssRepeats) for e in estimates)
 
 
 @pytest.mark.parametrize(
@@ -281,7 +287,7 @@ def test_no_fix_takes_the_robot_to_the_other_end_of_the_world(
     recording = spoilt(record(halting, 40.0, seed=5), spoil)
     _, estimates = drive(recording, resume_s=30.0)
     assert max(distance_m(recording, e) for e in estimates if e.ok and e.t_s > 6.0) < 2.0
-    assert estimates[-1].reason
+    assert estimates[-1].fact
 
 
 def scenes(crc32s: Iterator[int]) -> Iterator[Scene]:
@@ -326,9 +332,7 @@ def test_a_frozen_camera_is_named_and_corrects_nothing() -> None:
             now = msgspec.structs.replace(scene, t_s=batch.t_s, ready_s=batch.t_s)
             if not into.is_stale(now):
                 into.observe(now)
-    assert estimate.reason == (
-        "camera picture has not changed over 0.05 m of way; check the camera"
-    )
+    assert is_like(estimate.fact, PictureFrozen(0.05))
     assert into.rejected["picture not new"] > 50
     assert estimate.across_protection_m > 0.2
 
@@ -382,9 +386,10 @@ def test_a_robot_without_rows_in_view_does_not_speak_of_a_disagreement_for_good(
         estimates.append(into.update(batch))
         if tick % 5 == 0 and FROM_S - 3.0 < batch.t_s < FROM_S:  # too short to be the map's error
             into.observe(sight(recording, batch.t_s, 0.12, rng))
-    assert at(estimates, FROM_S + 1.0).reason.startswith("camera and GNSS disagree by 0.1")
-    assert estimates[-1].reason == ""
+    soon = at(estimates, FROM_S + 1.0).fact
+    assert is_like(soon, CameraAndGnssDisagree(0.15, ANY), within=0.055)
+    assert estimates[-1].fact is None
 
 
 def test_an_empty_batch_is_no_reason_for_doubt() -> None:
-    assert localizer().update(SensorBatch(t_s=1.0)).contradiction == ""
+    assert localizer().update(SensorBatch(t_s=1.0)).contradiction_fact is None

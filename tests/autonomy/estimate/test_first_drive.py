@@ -10,6 +10,7 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.facts import AntennaElsewhere, CourseOff, Fact, GyroTurns
 from agribot.core.messages import (
     ControlMission,
     Estimate,
@@ -23,13 +24,18 @@ from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, rec
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, localizer
 from tests.autonomy.estimate.test_first_heading import straight
+from tests.finding import find, holds
 
 
-def first_complaint(recording: Recording, about: str, into: Localizer | None = None) -> Estimate:
-    """Play until a reason has these words."""
+def first_complaint(
+    recording: Recording, about: type[Fact], into: Localizer | None = None
+) -> Estimate:
+    """Play until something like this is found."""
     into = into or localizer()
     played = (into.update(batch) for batch in batches(recording))
-    return next(each for each in played if about in f"{each.reason} {each.contradiction}")
+    return next(
+        each for each in played if holds(each.fact, about) or holds(each.contradiction_fact, about)
+    )
 
 
 def turn_compass(recording: Recording, by_deg: float) -> Recording:
@@ -49,12 +55,11 @@ def test_a_compass_that_is_far_off_stops_the_robot_on_its_first_metres(
     errors: Errors, most_m: float, by_deg: float
 ) -> None:
     recording = turn_compass(record(straight, 8.0, seed=1, errors=errors), by_deg)
-    found = first_complaint(recording, "the compass is")
+    found = first_complaint(recording, CourseOff)
     assert not found.ok
-    assert "off the way driven" in found.reason
-    assert "agribot calibrate magnetometer" in found.reason
-    named_deg = float(found.reason.split()[3])
-    assert named_deg == pytest.approx(abs(by_deg), abs=12.0)
+    course = find(found.fact, CourseOff)
+    assert course.source == "compass"
+    assert abs(course.off_rad) == pytest.approx(math.radians(abs(by_deg)), abs=math.radians(12.0))
     assert abs(recording.pose(found.t_s)[1] - 2.0) < most_m
 
 
@@ -64,8 +69,8 @@ def test_a_compass_beside_iron_is_not_accused(errors: Errors) -> None:
     for seed in range(4):
         into = localizer()
         told = [into.update(batch) for batch in batches(record(straight, 8.0, seed, iron))]
-        assert told[-1].ok, told[-1].reason
-        assert not any(each.contradiction for each in told)
+        assert told[-1].ok, told[-1].fact
+        assert not any(each.contradiction_fact for each in told)
 
 
 def test_antennas_that_are_swapped_are_named() -> None:
@@ -75,8 +80,9 @@ def test_antennas_that_are_swapped_are_named() -> None:
         heading = GnssHeading(t_s=batch.t_s - 0.05, yaw_map_rad=-math.pi / 2, std_rad=0.01)
         last = into.update(msgspec.structs.replace(batch, headings=(heading,)))
     assert not last.ok
-    assert "the second antenna is 17" in last.reason or "the second antenna is 180" in last.reason
-    assert "which antenna is the front one" in last.reason
+    course = find(last.fact, CourseOff)
+    assert course.source == "second antenna"
+    assert abs(course.off_rad) == pytest.approx(math.pi, abs=math.radians(10.0))
 
 
 def swap_axes(recording: Recording, order: tuple[int, int, int], sign: float) -> Recording:
@@ -97,7 +103,7 @@ def test_a_gyro_whose_axes_are_swapped_is_named_in_its_first_turn(
     order: tuple[int, int, int], sign: float
 ) -> None:
     recording = swap_axes(record(rows, 22.0, seed=1, errors=M8N), order, sign)
-    found = first_complaint(recording, "which neither compass nor wheels confirm; check the IMU")
+    found = first_complaint(recording, GyroTurns)
     assert found.t_s < 17.0  # the turn begins at 15 s
 
 
@@ -110,22 +116,22 @@ def test_an_antenna_that_sits_elsewhere_is_named_after_a_turn_to_each_side(where
     stated_m = (*ASIDE[where], 0.6)
     for errors in (RTK, M8N):
         recording = record(rows, 38.0, seed=1, errors=errors)  # turns end at 20 and 38 s
-        found = first_complaint(recording, "GNSS antenna sits", localizer(stated_m))
-        assert where in found.reason
-        assert "run agribot calibrate antenna" in found.reason
-        off_m = float(found.reason.split(" m ")[0].split()[-1])
-        assert off_m == pytest.approx(0.3, abs=0.06)
-        assert bool(found.contradiction) == (errors is RTK)  # a mission is paused
+        found = first_complaint(recording, AntennaElsewhere, localizer(stated_m))
+        antenna = find(found.fact, AntennaElsewhere)
+        assert antenna.sits == where
+        assert antenna.off_m == pytest.approx(0.3, abs=0.06)
+        is_paused = found.contradiction_fact is not None
+        assert is_paused == (errors is RTK)
 
 
 def test_a_person_who_has_measured_the_antenna_goes_on() -> None:
     into = localizer((0.0, 0.3, 0.6))
     recording = record(rows, 38.0, seed=1, errors=RTK)
     last = [into.update(batch) for batch in batches(recording)][-1]
-    assert "GNSS antenna" in last.contradiction
+    assert isinstance(last.contradiction_fact, AntennaElsewhere)
     resumed = ask(ControlMission(action="resume"), t_s=last.t_s)
     after = into.update(SensorBatch(t_s=last.t_s + 0.02, requests=(resumed,)))
-    assert not after.contradiction
+    assert after.contradiction_fact is None
 
 
 @nightly.all_or_first("seeds", range(20), in_suite=1, unit="seed")
@@ -135,4 +141,4 @@ def test_an_antenna_where_it_is_stated_is_not_accused(seeds: Sequence[int]) -> N
             into = localizer()
             for batch in batches(record(rows, 45.0, seed=seed, errors=errors)):
                 told = into.update(batch)
-                assert "antenna sits" not in told.reason
+                assert not holds(told.fact, AntennaElsewhere)

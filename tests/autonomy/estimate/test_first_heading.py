@@ -16,12 +16,14 @@ from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.motion_heading import WayPlace
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.facts import HeadingAwaited, HeadingUnknown, StartTurned
 from agribot.core.geo import MapFrame
 from agribot.core.messages import Estimate, GnssFix, GnssHeading, SensorBatch
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Drive, Errors, Recording, record, rows
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, error
+from tests.finding import find, holds
 
 BARE = msgspec.structs.replace(robot(), mag=None)
 # A receiver beside walls, as measured on a rover outdoors: it states 0.9 m and wanders by 2.
@@ -128,16 +130,14 @@ def displace(fix: GnssFix, east_m: float) -> GnssFix:
 def test_without_a_way_the_reason_says_to_drive() -> None:
     last = estimates(without_magnetometer(lambda t_s: (0.0, 0.0), 6.0, 1, RTK))[-1]
     assert not last.ok
-    assert last.reason == (
-        "no heading yet; drive 3 m straight ahead by hand, or start on a mark with "
-        "field.start_yaw_deg"
-    )
+    unknown = find(last.fact, HeadingUnknown)
+    assert (unknown.variant, unknown.way_m) == ("unknown", 3.0)
 
 
 def test_a_robot_whose_magnetometer_is_silent_drives_for_its_heading_too() -> None:
     into = Localizer(EstimateConfig(), FieldConfig(), robot())
     silent = estimates(without_magnetometer(straight, 1.5, 1, RTK), into)[-1]
-    assert "waiting for the magnetometer" in silent.reason
+    assert holds(silent.fact, HeadingAwaited)
     into = Localizer(EstimateConfig(), FieldConfig(), robot())
     assert estimates(without_magnetometer(straight, 8.0, 1, RTK), into)[-1].ok
 
@@ -164,11 +164,11 @@ def test_a_robot_that_faces_backwards_on_its_mark_stops_soon(
 ) -> None:
     recording = without_magnetometer(straight, 14.0, 1, errors, has_velocity=has_velocity)
     played = estimates(recording, mark(180.0))
-    found = next(estimate for estimate in played if "way driven" in estimate.reason)
+    found = next(estimate for estimate in played if holds(estimate.fact, StartTurned))
     assert not found.ok
     assert abs(recording.pose(found.t_s)[1] - 2.0) < most_m
     assert not played[-1].ok
-    assert "does not face as marked" in played[-1].reason
+    assert holds(played[-1].fact, StartTurned)
 
 
 @pytest.mark.parametrize("turned_deg", [10.0, 25.0, 45.0, -90.0])
@@ -178,7 +178,7 @@ def test_a_robot_that_faces_aside_finds_its_heading_or_says_so(
 ) -> None:
     recording = without_magnetometer(straight, 14.0, 1, errors)
     last = estimates(recording, mark(turned_deg))[-1]
-    is_named = not last.ok or bool(last.contradiction)
+    is_named = not last.ok or bool(last.contradiction_fact)
     assert is_named or abs(error(recording, last)[2]) < math.radians(6.0)
 
 
@@ -187,7 +187,7 @@ def test_a_robot_that_faces_as_marked_is_not_accused(seeds: Sequence[int]) -> No
     for seed in seeds:
         for errors in (RTK, M8N):
             last = estimates(without_magnetometer(straight, 12.0, seed, errors), mark(3.0))[-1]
-            assert last.ok, (seed, last.reason)
+            assert last.ok, (seed, last.fact)
 
 
 # The first 3.3 m of a drive straight ahead beside walls: time, way of the wheels, where the fixes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.facts import NoFixesYet, PlantsElsewhere, WhichRow
 from agribot.core.messages import ControlMission, Estimate, FloatArray, SensorBatch
 from tests import nightly
 from tests.asking import ask
@@ -19,6 +21,7 @@ from tests.autonomy.estimate.noisy_rover import M8N, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, error
 from tests.autonomy.estimate.row_plants import Faults, grow, scenes_of
+from tests.finding import holds, is_like
 
 # Eight rows that run North, a metre apart; the robot drives the fourth.
 FIELD = FieldConfig(
@@ -64,7 +67,7 @@ def drive(
         into.take_plants(StemMap(_map(plants, rng) if mapped is None else mapped))
     estimates, at = list[Estimate](), 0
     for batch in batches(recording):
-        asked = bool(estimates) and "to believe the plants" in estimates[-1].contradiction
+        asked = bool(estimates) and holds(estimates[-1].contradiction_fact, PlantsElsewhere)
         if asked and resume:
             estimates.append(into.update(_resume(batch)))
         else:
@@ -117,9 +120,12 @@ def test_put_down_one_row_aside_in_mid_field_the_plants_tell_which_row_it_is(
     for seed in seeds:
         driven = drive(seed, ONE_OFF, resume=True)
         assert np.abs(off(driven)[-1, :2]).max() < HERE_M
-        asked = [each.contradiction for each in driven.estimates if each.contradiction]
-        assert asked and all("to the right" in each for each in asked)
-        assert any("the plants in view stand 1.0" in each for each in asked)
+        asked = [each.contradiction_fact for each in driven.estimates if each.contradiction_fact]
+        assert asked
+        assert all(isinstance(each, WhichRow | PlantsElsewhere) for each in asked)
+        assert all(getattr(each, "side", "") == "right" for each in asked)
+        aside = PlantsElsewhere(ANY, ANY, None, ANY, 1.05, "right")
+        assert any(is_like(each, aside, within=0.055) for each in asked)
 
 
 def test_without_a_map_the_same_robot_goes_on_in_the_row_in_which_it_believes_to_be() -> None:
@@ -146,7 +152,7 @@ def test_where_all_plants_stand_like_all_others_it_says_that_it_does_not_know() 
         3, SMALL, REGULAR, has_gnss=False, start=(3.0, 2.0, math.pi / 2), duration_s=14.0
     )
     assert not any(each.ok for each in driven.estimates)
-    assert "no position yet" in driven.estimates[-1].reason
+    assert holds(driven.estimates[-1].fact, NoFixesYet)
 
 
 @nightly.by_day(

@@ -118,7 +118,7 @@ def test_a_slow_drift_of_a_precise_receiver_is_covered_until_it_is_named_and_aft
     for seed in seeds:
         faulty = crept(record(rows, 40.0, seed=seed))
         estimates = play(faulty)
-        assert next(e.t_s for e in estimates if e.contradiction) < 16.0
+        assert next(e.t_s for e in estimates if e.contradiction_fact) < 16.0
         assert distance_m(faulty, estimates[-1]) < 0.4
         assert np.mean(exceeded(faulty, estimates)) <= 0.01
 

@@ -95,7 +95,7 @@ def test_while_fixes_float_the_pose_goes_with_a_robot_that_clods_push_aside(seed
     floating = [each for each in estimates if 14.0 < each.t_s < 30.0]
     assert max(distance_m(recording, each) for each in floating) < 0.15
     assert max(distance_m(recording, each) / each.pos_std_m for each in floating) < 3.0
-    assert not any(each.contradiction for each in estimates)
+    assert not any(each.contradiction_fact for each in estimates)
 
 
 @nightly.one_by_one("seed", range(3), in_suite=1)
@@ -109,7 +109,7 @@ def test_wheels_that_find_their_grip_again_on_the_straight_are_no_jump_of_the_fi
 
     recording = record(drive, 40.0, seed=seed, grip=lambda t: 0.2 if 15.0 < t < 25.0 else 1.0)
     estimates = play(recording)
-    assert not any(each.contradiction for each in estimates)
+    assert not any(each.contradiction_fact for each in estimates)
     assert max(distance_m(recording, each) for each in estimates[500:]) < 0.2
 
 
@@ -126,7 +126,7 @@ def test_a_soft_turn_while_the_fix_floats_is_no_jump_of_the_fix_that_comes_back(
     """The velocities lead to it, so that the robot was not carried either: it slipped."""
     recording = record_floating_turns(lost_ratio, seed)
     estimates = play(recording)[500:]
-    assert all(each.ok and not each.contradiction for each in estimates)
+    assert all(each.ok and not each.contradiction_fact for each in estimates)
     errors_m = [distance_m(recording, each) for each in estimates]
     after = [m for m, each in zip(errors_m, estimates, strict=True) if is_on_straight(each.t_s)]
     assert max(after) < 0.08
@@ -153,7 +153,7 @@ def test_a_robot_that_slides_aside_in_a_slow_turn_keeps_its_heading(
     estimates = [each for each in play(recording) if each.t_s > 14.0]
     assert max(distance_m(recording, each) for each in estimates) < 0.3
     assert max(abs(error(recording, each)[2]) for each in estimates) < math.radians(5.0)
-    assert all(each.ok and not each.contradiction for each in estimates)
+    assert all(each.ok and not each.contradiction_fact for each in estimates)
 
 
 @pytest.mark.parametrize("jolt_mps", [-0.4, 0.4])
@@ -180,7 +180,7 @@ def test_a_robot_that_turns_about_a_wheel_that_a_clod_holds_keeps_its_heading(
     estimates = [each for each in play(recording) if each.t_s > 13.0]
     assert max(abs(error(recording, each)[2]) for each in estimates) < math.radians(3.0)
     assert max(distance_m(recording, each) for each in estimates) < 0.3
-    assert not any(each.contradiction for each in estimates)
+    assert not any(each.contradiction_fact for each in estimates)
 
 
 def soft(t_s: float) -> float:
@@ -194,7 +194,7 @@ def test_wheels_that_lose_half_their_way_in_turns_do_not_speak_against_the_fixes
     estimates = play(recording)[500:]
     straight = [each for each in estimates if is_on_straight(each.t_s)]
     assert max(each.across_protection_m for each in straight) < 0.31
-    assert not any(each.contradiction for each in estimates)
+    assert not any(each.contradiction_fact for each in estimates)
     for each in estimates:
         assert distance_m(recording, each) < each.protection_m
 
@@ -229,7 +229,7 @@ def test_fixes_that_creep_off_in_a_soft_turn_are_covered_until_they_are_named(
     recording = record(rows, 30.0, seed=1, grip=soft)
     faulty = with_fixes(recording, lambda t_s: t_s > FIRST_S + STRAIGHT_S, creep)
     estimates = play(faulty)[500:]
-    halted = next(each for each in estimates if each.contradiction)
+    halted = next(each for each in estimates if each.contradiction_fact)
     assert halted.t_s < FIRST_S + STRAIGHT_S + 9.0
     off = [e for e in estimates if distance_m(recording, e) > e.protection_m]
     assert len(off) <= 0.02 * len(estimates)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -12,12 +13,14 @@ import pytest
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.facts import StartAside, StartTurned
 from agribot.core.messages import Estimate, GnssFix, GnssQuality
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows, stand
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import error, play
 from tests.autonomy.estimate.test_first_heading import URBAN
+from tests.finding import find, holds
 
 START = (1.0, 2.0, math.pi / 2)
 MARKED = FieldConfig(start_map_m=START[:2], start_yaw_deg=90.0)
@@ -38,7 +41,7 @@ def test_a_cheap_receiver_starts_from_the_mark(errors: Errors) -> None:
     for seed in range(5):
         recording = record(stand, 6.0, seed=seed, errors=errors, start=START)
         last = run(recording)[-1]
-        assert last.ok, last.reason
+        assert last.ok, last.fact
         assert last.pos_std_m < 0.06
         assert math.hypot(*error(recording, last)[:2]) < 0.02  # the mark is exact here
 
@@ -75,7 +78,7 @@ def test_a_receiver_that_turns_out_to_wander_takes_nothing_from_the_mark(
 def test_with_corrections_the_receiver_decides() -> None:
     recording = record(rows, 20.0, seed=1, errors=RTK, start=START)
     last = run(recording, moved(east_m=0.15))[-1]
-    assert last.ok, last.reason
+    assert last.ok, last.fact
     assert math.hypot(*error(recording, last)[:2]) < 0.05
 
 
@@ -83,16 +86,14 @@ def test_with_corrections_the_receiver_decides() -> None:
 def test_a_robot_that_stands_elsewhere_is_told_so(errors: Errors) -> None:
     last = run(record(stand, 5.0, seed=1, errors=errors, start=START), moved(east_m=12.0))[-1]
     assert not last.ok
-    assert "does not stand at the marked start" in last.reason
-    assert "field.start_map_m" in last.reason
+    assert holds(last.fact, StartAside(12.0, "west", ANY), within=5.0)
 
 
 def test_a_robot_astride_the_row_beside_its_mark_is_told_so() -> None:
     """Rows of 1 m: the receiver is right to 2 cm, and the mark is that of another row."""
     last = run(record(stand, 5.0, seed=1, errors=RTK, start=START), moved(east_m=0.9))[-1]
     assert not last.ok
-    assert "does not stand at the marked start: GNSS is 0." in last.reason
-    assert "m west of it" in last.reason
+    assert holds(last.fact, StartAside(0.9, "west", ANY), within=0.1)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -103,8 +104,9 @@ def test_with_corrections_mark_and_fix_are_taken_at_their_word(off_m: float, see
     last = run(recording, moved(east_m=off_m))[-1]
     assert last.ok is (abs(off_m) < 0.2)
     if not last.ok:
-        assert f"m {'west' if off_m > 0.0 else 'east'} of it, more than 0.21 m" in last.reason
-        assert "the base may have moved or field.datum is wrong" in last.reason
+        aside = find(last.fact, StartAside)
+        assert aside.direction == ("west" if off_m > 0.0 else "east")
+        assert aside.limit_m == pytest.approx(0.21, abs=0.005)
 
 
 def shift_fixes(recording: Recording, shift: Callable[[GnssFix], GnssFix]) -> Recording:
@@ -133,7 +135,7 @@ def test_ambiguities_that_are_fixed_later_are_held_against_the_mark(
     before, last = (run(shift_fixes(recording, shift))[k] for k in (190, -1))
     assert before.ok
     assert last.ok is starts
-    assert starts or "GNSS is 0.40 m north of it, more than 0.21 m" in last.reason
+    assert starts or holds(last.fact, StartAside(0.4, "north", 0.21))
 
 
 def test_fixes_that_jump_before_the_robot_sets_off_are_held_against_the_mark() -> None:
@@ -141,7 +143,7 @@ def test_fixes_that_jump_before_the_robot_sets_off_are_held_against_the_mark() -
         record(stand, 12.0, seed=1, errors=RTK, start=START),
         lambda fix: move_north(fix, 0.4 if fix.t_s > 5.0 else 0.0),
     )
-    assert "GNSS is 0.4" in run(recording)[-1].reason
+    assert holds(run(recording)[-1].fact, StartAside(0.45, "north", ANY), within=0.055)
 
 
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
@@ -185,7 +187,7 @@ def test_what_was_driven_before_the_heading_was_known_may_have_led_anywhere() ->
 def test_a_robot_that_faces_elsewhere_is_told_so() -> None:
     last = run(record(stand, 5.0, seed=1, errors=RTK, start=START), moved(turned_deg=180.0))[-1]
     assert not last.ok
-    assert "does not face as marked" in last.reason
+    assert holds(last.fact, StartTurned)
 
 
 @nightly.all_or_first("seeds", range(8), in_suite=4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -12,9 +13,20 @@ from agribot.autonomy.perceive.doubt import find_doubt
 from agribot.autonomy.perceive.picture_light import find_fault
 from agribot.autonomy.perceive.plant_names import name_plants
 from agribot.autonomy.perceive.plants import look
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    Fact,
+    OneBrightness,
+    OutOfFocus,
+    Overexposed,
+    PictureNoisy,
+    PlantsStrange,
+    TooDark,
+)
 from agribot.core.messages import ByteArray, CameraFrame, PlantClass
 from tests.autonomy.perceive.drawn_field import CONFIG, GROUND
 from tests.autonomy.perceive.drawn_plants import draw_plants
+from tests.finding import is_like
 
 CROP, WEED = PlantClass.CROP, PlantClass.WEED
 SHAPE = (480, 640)
@@ -55,28 +67,28 @@ def blank(value: float) -> np.ndarray:
     return np.full(SHAPE, value)
 
 
-UNFIT: dict[str, tuple[Callable[[], np.ndarray], str]] = {
-    "black": (lambda: blank(0.0), "picture is too dark"),
-    "night": (lambda: 0.05 * draw_ground(), "picture is too dark"),
-    "white": (lambda: blank(255.0), "picture is overexposed, 100% of it white"),
-    "burnt out": (lambda: 4.0 * draw_ground() - 120.0, "picture is overexposed"),
-    "grey": (lambda: blank(120.0), "picture is of one brightness, 120 of 255"),
+UNFIT: dict[str, tuple[Callable[[], np.ndarray], Fact]] = {
+    "black": (lambda: blank(0.0), TooDark()),
+    "night": (lambda: 0.05 * draw_ground(), TooDark()),
+    "white": (lambda: blank(255.0), Overexposed(1.0)),
+    "burnt out": (lambda: 4.0 * draw_ground() - 120.0, Overexposed(ANY)),
+    "grey": (lambda: blank(120.0), OneBrightness(120.0)),
     "snow": (
         lambda: np.random.default_rng(1).uniform(0.0, 255.0, SHAPE),
-        "picture is noise",
+        PictureNoisy(),
     ),
-    "grass": (draw_grass, "picture is noise"),
-    "out of focus": (lambda: blur(draw_ground(), 4), "picture is out of focus"),
+    "grass": (draw_grass, PictureNoisy()),
+    "out of focus": (lambda: blur(draw_ground(), 4), OutOfFocus()),
 }
 
 
 @pytest.mark.parametrize("name", UNFIT)
 def test_nothing_is_seen_in_a_picture_that_shows_no_field_and_the_scene_says_why(name: str) -> None:
-    make, reason = UNFIT[name]
+    make, why = UNFIT[name]
     frame = CameraFrame(t_s=3.0, index=7, image_rgb=paint(make()))
     scene = look(frame, draw_plants(*FIELD), GROUND, CONFIG, ready_s=3.2)
-    assert scene.unfit.startswith(reason)
-    assert "; " in scene.unfit, "and what to do"
+    assert is_like(scene.unfit_fact, why)
+    assert scene.unfit == render(scene.unfit_fact)
     assert (scene.plants, scene.row_line, scene.crop_cover) == ((), None, None)
     assert scene.weed_scores is None and (scene.t_s, scene.frame_index) == (3.0, 7)
 
@@ -84,8 +96,8 @@ def test_nothing_is_seen_in_a_picture_that_shows_no_field_and_the_scene_says_why
 @pytest.mark.parametrize("block_px", [1, 2])
 def test_ground_with_plants_is_fit_whatever_the_camera_resolves(block_px: int) -> None:
     values = draw_ground().repeat(block_px, axis=0).repeat(block_px, axis=1)
-    assert find_fault(paint(values)) == ""
-    assert find_fault(paint(0.4 * values)) == "", "an hour after sunset"
+    assert find_fault(paint(values)) is None
+    assert find_fault(paint(0.4 * values)) is None, "an hour after sunset"
 
 
 def test_a_scene_tells_the_doubt_and_is_empty_above_the_limit_of_its_network() -> None:
@@ -93,9 +105,9 @@ def test_a_scene_tells_the_doubt_and_is_empty_above_the_limit_of_its_network() -
     named = name_plants(draw_plants(*FIELD, score=0.6))
     assert named.doubt is not None
     known = look(frame, msgspec.structs.replace(named, most_doubt=0.5), GROUND, CONFIG, 3.2)
-    assert (known.unfit, known.doubt) == ("", named.doubt) and len(known.plants) == 3
+    assert (known.unfit_fact, known.doubt) == (None, named.doubt) and len(known.plants) == 3
     unknown = look(frame, msgspec.structs.replace(named, most_doubt=0.3), GROUND, CONFIG, 3.2)
-    assert unknown.unfit.startswith("the network does not know these plants in this light, doubt ")
+    assert unknown.unfit_fact == PlantsStrange(named.doubt, 0.3)
     assert (unknown.plants, unknown.doubt) == ((), named.doubt)
 
 

@@ -19,18 +19,19 @@ from agribot.autonomy.plan.caution import (
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
-from agribot.core.fact_text import render
 from agribot.core.facts import (
     CameraAndGnssDisagree,
     DeadReckoning,
     Fact,
     GnssSilent,
     MayBeOffRow,
+    NoHeadway,
     PictureFrozen,
 )
 from agribot.core.messages import Estimate, GnssQuality, Goal, RequestWord
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
+from tests.finding import holds
 
 CONFIG = MissionConfig()
 
@@ -66,12 +67,10 @@ LIMIT_M = 0.3
 DISAGREE = CameraAndGnssDisagree(0.4, is_left_open=True)
 
 
-def judged(guard: CropGuard, t_s: float, level_m: float) -> str:
+def judged(guard: CropGuard, t_s: float, level_m: float) -> Fact | None:
     estimate = msgspec.structs.replace(known(0.05, 0.05), row_seen=True)
-    return render(
-        guard.judge(
-            msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
-        )
+    return guard.judge(
+        msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
     )
 
 
@@ -85,16 +84,15 @@ def test_the_limit_is_what_lies_between_the_wheels_and_the_crop_less_the_trackin
 
 def test_above_the_limit_the_tool_is_off_and_the_robot_creeps_then_stands_and_goes_on() -> None:
     guard = CropGuard()
-    assert judged(guard, 0.0, 0.29) == ""
+    assert judged(guard, 0.0, 0.29) is None
     assert guard.may_work
-    assert judged(guard, 1.0, 0.35) == ""
+    assert judged(guard, 1.0, 0.35) is None
     assert not guard.may_work
     assert guard.ratio == CREEP_RATIO
-    assert judged(guard, 0.9 + PATIENCE_S, 0.35) == ""
-    stands = judged(guard, 1.1 + PATIENCE_S, 0.35)
-    assert stands.startswith("may be 0.35 m off the row > 0.30 m")
+    assert judged(guard, 0.9 + PATIENCE_S, 0.35) is None
+    assert judged(guard, 1.1 + PATIENCE_S, 0.35) == MayBeOffRow(0.35, 0.3)
     assert guard.ratio == 0.0
-    assert judged(guard, 30.0, 0.2) == ""
+    assert judged(guard, 30.0, 0.2) is None
     assert guard.may_work
 
 
@@ -103,7 +101,7 @@ def test_far_above_the_limit_it_stands_at_once_unless_a_person_bids_it_creep_on(
     assert judged(guard, 0.0, 1.0)
     assert guard.ratio == 0.0
     guard.restart()
-    assert judged(guard, 1.0, 1.0) == ""
+    assert judged(guard, 1.0, 1.0) is None
     assert guard.ratio == CREEP_RATIO
     assert judged(guard, 1.1 + PATIENCE_S, 1.0)
     guard.leave()
@@ -185,7 +183,7 @@ def test_a_mission_in_its_row_obeys_the_level_and_goes_on_by_itself() -> None:
     standing = ride.be_at(here_m, 0.6)
     assert standing.max_speed_mps == 0.0
     assert standing.status.state == "running"
-    assert "off the row" in standing.status.reason
+    assert holds(standing.status.fact, MayBeOffRow)
     assert ride.be_at(here_m, 0.1).max_speed_mps == full.max_speed_mps
 
 
@@ -196,7 +194,7 @@ def test_a_mission_that_stands_so_for_long_waits_for_a_person_instead_of_failing
     ticks = round((MISSION.stall_timeout_s + 1.0) / 0.02)
     paused = [ride.be_at(here_m, 0.6) for _ in range(ticks)][-1]
     assert paused.status.state == "paused"
-    assert "off the row" in paused.status.reason
+    assert holds(paused.status.fact, NoHeadway, MayBeOffRow)
     resumed = ride.be_at(here_m, 0.6, action="resume")
     assert resumed.status.state == "running"
     assert 0.0 < resumed.max_speed_mps <= 0.1
@@ -223,7 +221,7 @@ def test_where_a_sensor_fails_it_stands_on_the_headland_before_it_may_be_in_the_
     assert ride.be_at(before_m, 0.6).max_speed_mps > 0.1
     stands = ride.be_at(before_m, 0.6, fact=silent)
     assert stands.max_speed_mps == 0.0
-    assert "off the row" in stands.status.reason
+    assert holds(stands.status.fact, MayBeOffRow)
     assert ride.be_at(before_m, 0.1).max_speed_mps > 0.1  # the fix is back
 
 

@@ -11,7 +11,8 @@ import shapely
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.curves import Place
-from agribot.core.errors import MissionError
+from agribot.core.facts import Fact, NoRoomToFace, PlaceUnfit, ThereAlready
+from agribot.core.refusal import MissionRefusal
 from tests.autonomy.plan.fields import REQUEST, ROW_REQUEST, ROWS, SHAPE, WITH_HOLE, certified
 
 HALF_TURN_M = SHAPE.turn_radius_m
@@ -55,23 +56,25 @@ def test_the_robot_ends_as_it_is_to_look(meadow: FieldWork, yaw_deg: float) -> N
 @pytest.mark.parametrize(
     ("goal", "why"),
     [
-        ((25.0, 6.5, None), "beyond the boundary"),
-        ((10.0, 7.0, None), "in an obstacle"),
-        ((0.3, 0.3, None), "too near to an edge"),
-        ((0.75, 6.5, 0.0), "no room to look that way"),
-        ((*START, None), "there already"),
+        ((25.0, 6.5, None), PlaceUnfit(25.0, 6.5, "beyond")),
+        ((10.0, 7.0, None), PlaceUnfit(10.0, 7.0, "obstacle")),
+        ((0.3, 0.3, None), PlaceUnfit(0.3, 0.3, "edge")),
+        ((0.75, 6.5, 0.0), NoRoomToFace(0.75, 6.5)),
+        ((*START, None), ThereAlready()),
     ],
 )
 def test_a_place_that_cannot_be_driven_to_is_refused(
-    meadow: FieldWork, goal: Place, why: str
+    meadow: FieldWork, goal: Place, why: Fact
 ) -> None:
-    with pytest.raises(MissionError, match=why):
+    with pytest.raises(MissionRefusal) as refused:
         meadow.plan_to(START, goal)
+    assert refused.value.fact == why
 
 
 def test_crop_is_no_place_and_no_way(crop: FieldWork) -> None:
-    with pytest.raises(MissionError, match="in the crop rows"):
+    with pytest.raises(MissionRefusal) as refused:
         crop.plan_to((-3.0, 5.0), (2.5, 5.0, None))
+    assert refused.value.fact == PlaceUnfit(2.5, 5.0, "crop")
     path = crop.plan_to((-3.0, 5.0), (9.0, 5.0, None))
     rows = shapely.MultiLineString([list(row) for row in ROWS.rows])
     turning_m = SHAPE.wheel_turn_radius_m

@@ -254,14 +254,14 @@ def test_the_fence_stops_a_robot_before_the_area_and_lets_it_back_out() -> None:
 
 def test_the_supervisor_holds_a_robot_before_the_area_on_every_way() -> None:
     gate, ahead = Gate(), DriveCommand(v_mps=0.2)
-    assert gate.send(ahead)[1] == ""
+    assert gate.send(ahead)[1] is None
     near = KeepOutFence(KeepOut([((0.54, -1.0), (1.0, -1.0), (1.0, 1.0), (0.54, 1.0))]),
                         BodyBox(0.5, 0.4, 0.45), SafetyConfig(), CLEARANCE_M, 1.5)  # fmt: skip
     fenced = Gate()
     fenced.supervisor = Supervisor(SafetyConfig(), ROBOT, keep_out=near)
     sent, reason = fenced.send(ahead)
-    assert_stopped(sent, reason, "about to enter the area to keep out of")
-    assert fenced.send(DriveCommand(v_mps=-0.1))[1] == ""
+    assert_stopped(sent, reason, EntersKeepOut)
+    assert fenced.send(DriveCommand(v_mps=-0.1))[1] is None
 
 
 def test_an_unsure_robot_stops_earlier_by_half_of_what_plans_keep_at_most() -> None:

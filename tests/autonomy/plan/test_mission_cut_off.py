@@ -11,6 +11,7 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.core.facts import AtGoal, AwayFromWork, CutOff, OnErrandOf, OnVisit
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, GoTo, MapPoint, Path, Visit
 from tests.asking import ask
@@ -56,14 +57,14 @@ def test_a_goto_waits_for_an_answer_drives_on_and_then_back_to_the_work() -> Non
     again = Again(drive.mission)
     assert again.first.status.state == "paused"
     assert again.first.max_speed_mps == 0.0
-    assert "was cut off: to the goal, as Ada asked" in again.first.status.reason
+    assert again.first.status.fact == CutOff(OnErrandOf("goal", "Ada"))
     assert again.first.status.rows_done == (0,)
-    assert Again(again.mission).first.status.reason == again.first.status.reason  # cut off again
+    assert Again(again.mission).first.status.fact == again.first.status.fact, "cut off again"
     goal = again.be_at(*where, "resume")
     assert (goal.status.state, goal.status.leg) == ("running", "to the goal")
     assert goal.path is not None
     assert goal.path.xy_map_m[-1] == pytest.approx(HEADLAND, abs=1e-6)
-    assert "at the goal of Ada" in again.to_the_end().status.reason
+    assert again.to_the_end().status.fact == AtGoal("Ada")
     back = again.be_at(*HEADLAND, "resume")
     assert back.status.leg == "back to the work"
     again.to_the_end()
@@ -78,7 +79,7 @@ def test_one_that_waited_at_its_goal_still_finds_back_to_the_work() -> None:
     drive, _ = on_the_way_to_the_headland()
     drive.to_the_end()
     again = Again(drive.mission)
-    assert "was cut off: away from its work" in again.first.status.reason
+    assert again.first.status.fact == CutOff(AwayFromWork())
     assert again.be_at(*HEADLAND, "resume").status.leg == "back to the work"
 
 
@@ -89,10 +90,10 @@ def test_the_way_home_is_asked_about_too_and_another_goal_takes_its_place() -> N
     drive.along(0.0, 0.4)
     here = drive.place(0.4)
     again = Again(drive.mission)
-    assert "way home" in again.first.status.reason
+    assert again.first.status.fact == CutOff(OnErrandOf("home", "operator"))
     other = again.goto(here, *HEADLAND)
     assert other.status.leg == "to the goal"
-    assert "at the goal of Ada" in again.to_the_end().status.reason
+    assert again.to_the_end().status.fact == AtGoal("Ada")
 
 
 def test_a_visit_goes_on_with_the_places_that_are_left() -> None:
@@ -105,7 +106,7 @@ def test_a_visit_goes_on_with_the_places_that_are_left() -> None:
     drive.along(0.0, 4.0)
     assert drive.mission.waypoints_reached == (True, False)
     again = Again(drive.mission)
-    assert "was cut off: its visit 'the traps'" in again.first.status.reason
+    assert again.first.status.fact == CutOff(OnVisit("the traps"))
     assert again.first.status.state == "paused"
     goal = again.be_at(*again.start, "resume")
     assert (goal.status.state, goal.status.task) == ("running", "the traps")
@@ -129,6 +130,6 @@ def test_a_goto_before_any_work_is_kept_as_well() -> None:
     kept = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
     again = Ride(Mission(task(), waits, kept, PaperTasks(no_plan, no_places)))
     first = again.be_at(*kept.pose[:2])
-    assert "to the goal, as Ada asked" in first.status.reason
+    assert first.status.fact == CutOff(OnErrandOf("goal", "Ada"))
     goal = again.be_at(*kept.pose[:2], "resume")
     assert (goal.status.state, goal.status.leg) == ("running", "to the goal")

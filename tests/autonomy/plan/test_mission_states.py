@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -13,11 +14,26 @@ from agribot.autonomy.plan.speed import warn_of_speeds
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.facts import NoFixesYet, PositionAwaited, PositionLost, SpeedRefused
+from agribot.core.facts import (
+    NoFixesYet,
+    NoPositionFor,
+    OffPath,
+    PausedBy,
+    PositionAwaited,
+    PositionLost,
+    ResumeAwaited,
+    RowsUnknown,
+    Said,
+    SpeedRefused,
+    StartUnsure,
+    WaypointPassed,
+    WaypointsMissed,
+)
 from agribot.core.messages import ChangeSetting, Estimate, Goal, Path
 from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
+from tests.finding import is_like
 
 TWO_ROWS = FieldConfig(row_count=2, row_length_m=4.0)
 ROWS = lay_rows(TWO_ROWS)
@@ -101,7 +117,7 @@ def test_whole_drive_is_done_with_every_row_accounted_for(ride: Ride, path: Path
     ride.settle()
     goals = ride.along(0.0, float(path.s_m[-1]) + 0.02)
     last = goals[-1].status
-    assert (last.state, last.reason) == ("done", "")
+    assert (last.state, last.fact) == ("done", None)
     assert last.rows_done == (0, 1)
     assert last.rows_total == 2
     progress = [goal.s_m for goal in goals]
@@ -149,7 +165,7 @@ def test_pause_and_resume_go_on_at_the_same_place(ride: Ride) -> None:
     x_m, y_m = ride.place(6.0)
     paused = ride.be_at(x_m, y_m, "pause")
     assert paused.status.state == "paused"
-    assert "operator" in paused.status.reason
+    assert paused.status.fact == PausedBy("operator")
     assert paused.max_speed_mps == 0.0
     assert not paused.tool_on
     for _ in range(100):
@@ -168,7 +184,7 @@ def test_stop_latches_until_cleared_and_still_needs_a_resume(ride: Ride) -> None
     assert ride.be_at(*place, "resume").max_speed_mps == 0.0
     cleared = ride.be_at(*place, "clear_stop")
     assert cleared.status.state == "paused"
-    assert "resume" in cleared.status.reason
+    assert cleared.status.fact == ResumeAwaited()
     assert ride.be_at(*place, "resume").status.state == "running"
 
 
@@ -194,8 +210,7 @@ def test_leaving_the_path_fails_with_distance_limit_and_place(ride: Ride) -> Non
     x_m, y_m = ride.place(6.0)
     goal = ride.be_at(x_m - 0.6, y_m)
     assert goal.status.state == "failed"
-    assert "off path by 0.60 m > 0.50 m" in goal.status.reason
-    assert "East" in goal.status.reason
+    assert is_like(goal.status.fact, OffPath(0.6, 0.5, x_m - 0.6, y_m))
     assert goal.max_speed_mps == 0.0
 
 
@@ -254,7 +269,7 @@ def test_a_missed_waypoint_fails_the_mission_and_is_named() -> None:
     for s_m in np.arange(3.5, 6.2, 0.02):
         goal = ride.be_at(-2.0 + float(s_m), 0.3)
     assert goal.status.state == "failed"
-    assert "waypoints [2]" in goal.status.reason
+    assert is_like(goal.status.fact, WaypointsMissed((2,), ANY))
 
 
 def test_plans_once_from_where_the_robot_stands_when_it_has_settled(path: Path) -> None:
@@ -282,7 +297,7 @@ def test_a_refused_plan_fails_the_mission_with_the_planners_words() -> None:
         raise MissionError("no way to the field")
 
     goal = Ride(Mission(PaperTask(plan, ROWS), MISSION)).settle()
-    assert (goal.status.state, goal.status.reason) == ("failed", "no way to the field")
+    assert (goal.status.state, goal.status.fact) == ("failed", Said("no way to the field"))
     assert goal.path is None
     assert goal.max_speed_mps == 0.0
 
@@ -290,14 +305,14 @@ def test_a_refused_plan_fails_the_mission_with_the_planners_words() -> None:
 def test_a_path_that_misses_its_waypoints_is_refused(path: Path) -> None:
     goal = Ride(Mission(PaperTask(lambda _: path, ROWS, [(50.0, 50.0)]), MISSION)).settle()
     assert goal.status.state == "failed"
-    assert "passes waypoint 1 at" in goal.status.reason
+    assert is_like(goal.status.fact, WaypointPassed(1, ANY, MISSION.waypoint_radius_m))
 
 
 def test_a_path_over_unknown_rows_is_refused() -> None:
     farm_path = plan_rows(lay_rows(FARM), FARM_START, rover(), MISSION)
     goal = Ride(Mission(PaperTask(lambda _: farm_path, ROWS), MISSION)).settle()
     assert goal.status.state == "failed"
-    assert "rows [2, 3, 4, 5]" in goal.status.reason
+    assert goal.status.fact == RowsUnknown((2, 3, 4, 5))
 
 
 def test_the_time_left_follows_a_change_of_speed(ride: Ride, path: Path) -> None:
@@ -326,7 +341,7 @@ def test_a_pose_that_jumps_within_its_own_error_has_not_left_the_path(ride: Ride
     assert ride.mission.step(known_to(0.25, jumped)).status.state == "running"
     goal = ride.mission.step(known_to(0.15, jumped))
     assert goal.status.state == "failed"
-    assert "off path by 0.60 m > 0.50 m" in goal.status.reason
+    assert is_like(goal.status.fact, OffPath(0.6, 0.5, ANY, ANY))
 
 
 def test_a_robot_that_cannot_tell_its_rows_apart_waits_where_it_stands(path: Path) -> None:
@@ -335,10 +350,11 @@ def test_a_robot_that_cannot_tell_its_rows_apart_waits_where_it_stands(path: Pat
         goal = ride.mission.step(known_to(1.8, at(-2.0, 0.0, float(t_s))))
         assert goal.status.state == "waiting"
         assert goal.max_speed_mps == 0.0
-    assert "pose known to 1.80 m, rows need 0.25 m without a camera" in goal.status.reason
+    unsure = StartUnsure(1.8, 0.25)
+    assert is_like(goal.status.fact, PositionAwaited(unsure))
     goal = ride.mission.step(known_to(1.8, at(-2.0, 0.0, MISSION.stall_timeout_s + 1.0)))
     assert goal.status.state == "failed"
-    assert goal.status.reason.startswith("no position for 60 s (pose known to 1.80 m")
+    assert is_like(goal.status.fact, NoPositionFor(60.0, unsure))
 
 
 def test_it_sets_off_once_its_place_is_known_or_a_camera_looks(path: Path) -> None:

@@ -14,9 +14,11 @@ from agribot.autonomy.plan.row_evidence import link_stretches, row_pitch_m
 from agribot.autonomy.plan.row_log import Doubt, RowLog
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
+from agribot.core.facts import RowsUnproven, RowUnproven
 from agribot.core.messages import Estimate, GnssQuality, MissionStatus, Row
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at, rover
+from tests.finding import holds, is_like
 
 ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
 PATH = plan_rows(ROWS, FARM_START, rover(), MISSION)
@@ -50,8 +52,7 @@ def drive(one: Mission, look: Look, from_m: float = 0.0, to_m: float = LENGTH_M)
 def test_a_row_in_which_a_camera_sees_no_crop_is_not_done_and_the_mission_says_so() -> None:
     status = drive(mission(), lambda row, _: {"row_seen": row != 1})
     assert status.state == "failed"
-    assert "row 2: no crop row seen over 4.0 m" in status.reason
-    assert "not counted as done" in status.reason
+    assert is_like(status.fact, RowsUnproven(rows=(RowUnproven(2, 4.0),)), within=0.05)
     assert (status.rows_done, status.rows_unproven) == ((0,), (1,))
 
 
@@ -62,8 +63,8 @@ def test_a_bare_row_undoes_all_that_were_told_by_counting_from_a_mark(bare: int)
     status = drive(first, lambda row, _: {"row_seen": row != bare, "quality": GnssQuality.SINGLE})
     assert status.state == "failed"
     assert (status.rows_done, sorted(status.rows_unproven)) == ((), [0, 1])
-    assert f"row {bare + 1}: no crop row seen over 4.0 m" in status.reason
-    assert f"row {2 - bare}: maybe one row off" in status.reason
+    unseen, counted = RowUnproven(bare + 1, 4.0), RowUnproven(2 - bare)
+    assert holds(status.fact, RowsUnproven, unseen, counted, within=0.05)
     saved = first.snapshot()
     assert saved is not None
     assert saved.covered == ()
@@ -79,7 +80,7 @@ def test_a_row_of_which_most_but_not_all_is_bare_says_nothing_of_the_others() ->
 
 def test_a_gap_in_the_row_does_not_undo_it() -> None:
     status = drive(mission(), lambda _, in_row_m: {"row_seen": not 1.0 < in_row_m < 2.5})
-    assert (status.state, status.reason) == ("done", "")
+    assert (status.state, status.fact) == ("done", None)
     assert (status.rows_done, status.rows_unproven) == ((0, 1), ())
 
 
@@ -94,7 +95,8 @@ def test_without_camera_or_crop_the_position_has_to_distinguish_rows(
     assert row_pitch_m(ROWS) == pytest.approx(1.0)
     assert status.rows_done == ((0, 1) if is_done else ())
     if not is_done:
-        assert "position too uncertain to exclude the next row over 4.0 m" in status.reason
+        both = tuple(RowUnproven(row, 0.0, 4.0) for row in (1, 2))
+        assert is_like(status.fact, RowsUnproven(rows=both), within=0.05)
         assert status.rows_unproven == (0, 1)
 
 
@@ -121,7 +123,7 @@ def test_what_was_not_seen_before_a_crash_is_not_forgotten() -> None:
         estimate = msgspec.structs.replace(at(*point_at(PATH, float(s_m)), t_s), row_seen=True)
         status = second.step(estimate).status
     assert status.rows_unproven == (1,)
-    assert "no crop row seen over 3.0 m" in status.reason
+    assert is_like(status.fact, RowsUnproven(rows=(RowUnproven(2, 3.0),)), within=0.05)
 
 
 def work(log: RowLog, row: int, metres: Sequence[tuple[float, Doubt]], t_s: float) -> None:

@@ -13,10 +13,11 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.row_recovery import SURE_M
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
-from agribot.core.facts import Fact, PictureFrozen
+from agribot.core.facts import Fact, NoHeadway, PictureFrozen, RowLost, RowsSkipped
 from agribot.core.messages import Estimate, GnssQuality, Goal, MissionStatus, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
+from tests.finding import holds
 
 ROWS = lay_rows(FieldConfig(row_count=4, row_length_m=6.0))  # North, 1 m apart, from (1, 2)
 DT_S, LOST_M = 0.1, 5.0
@@ -96,7 +97,7 @@ def test_lost_again_in_the_same_row_it_leaves_it_out_does_the_others_and_says_so
     drive = Drive(lambda d: not (is_in_row(d, 1) and d.place[1] < 7.0))
     status = drive.to_the_end()
     assert (status.state, sorted(status.rows_done)) == ("done", [0, 2, 3])
-    assert "rows [1] were skipped" in status.reason
+    assert status.fact == RowsSkipped((1,))
     assert drive.backed_out == 2
 
 
@@ -104,7 +105,7 @@ def test_a_row_of_which_nothing_was_ever_seen_may_be_none_and_is_not_left_out() 
     drive = Drive(lambda d: not is_in_row(d, 1), quality=GnssQuality.SINGLE)
     status = drive.to_the_end()
     assert status.state == "failed"
-    assert "row lost" in status.reason
+    assert holds(status.fact, NoHeadway, RowLost)
     assert status.rows_done == (0,)
 
 
@@ -112,7 +113,7 @@ def test_where_row_after_row_is_lost_it_does_not_go_on_for_ever() -> None:
     drive = Drive(lambda d: not any(is_in_row(d, row) for row in range(4)))
     status = drive.to_the_end()
     assert status.state == "failed"
-    assert "row lost" in status.reason
+    assert holds(status.fact, NoHeadway, RowLost)
     assert status.rows_done == ()
 
 
@@ -127,7 +128,7 @@ def test_without_a_camera_that_could_find_the_row_it_stands_and_waits(
     drive = Drive(lambda d: blind if is_in_row(d, 0) else True, fact)
     status = drive.to_the_end()
     assert status.state == "failed"
-    assert "row lost" in status.reason
+    assert holds(status.fact, NoHeadway, RowLost)
     assert drive.backed_out == 0
 
 

@@ -15,6 +15,7 @@ from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import RowsSkipped
 from agribot.core.messages import Estimate, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, rover
@@ -69,7 +70,7 @@ def test_the_way_leads_around_the_skipped_row_and_is_shorter_by_it() -> None:
     assert path.s_m[-1] < full.s_m[-1] - 3.0
     status = finish(one, s_m).be_at(0.0, 0.0).status
     assert (status.state, status.rows_done) == ("done", (0, 2, 3))
-    assert "rows [1] were skipped" in status.reason
+    assert status.fact == RowsSkipped((1,))
 
 
 def test_the_last_row_skipped_ends_the_mission_behind_the_one_before() -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from unittest.mock import ANY
 
 import msgspec
 import numpy as np
@@ -11,8 +12,12 @@ from hypothesis import strategies as st
 
 from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import Fact, NoWaypoints, WaypointFar, WaypointsSame
+from agribot.core.refusal import MissionRefusal
 from tests.autonomy.plan.planting import MISSION, rover
+from tests.finding import is_like
 
 place = st.tuples(st.floats(-6.0, 6.0), st.floats(-6.0, 6.0))
 
@@ -57,23 +62,27 @@ def test_waypoint_ten_kilometres_away_is_refused_with_distance_and_limit() -> No
         plan_waypoints([(1.0, 0.0), (0.0, 1e4)], (0.0, 0.0, 0.0), rover(), MISSION)
 
 
+def refuse(points: list[tuple[float, float]], mission: MissionConfig) -> Fact:
+    with pytest.raises(MissionRefusal) as refused:
+        plan_waypoints(points, (0.0, 0.0, 0.0), rover(), mission)
+    return refused.value.fact
+
+
 def test_limit_of_the_distance_is_a_setting() -> None:
     short = msgspec.structs.replace(MISSION, max_waypoint_distance_m=3.0)
-    with pytest.raises(MissionError, match=r"limit of 3\.0 m"):
-        plan_waypoints([(4.0, 0.0)], (0.0, 0.0, 0.0), rover(), short)
+    assert refuse([(4.0, 0.0)], short) == WaypointFar(1, rover().name, 4.0, 3.0)
 
 
 def test_nan_is_never_near_enough() -> None:
-    with pytest.raises(MissionError, match="waypoint 1 is nan"):
-        plan_waypoints([(math.nan, 0.0)], (0.0, 0.0, 0.0), rover(), MISSION)
+    assert is_like(refuse([(math.nan, 0.0)], MISSION), WaypointFar(1, ANY, math.nan, ANY))
 
 
 @pytest.mark.parametrize(
-    ("points", "complaint"), [([], "empty"), ([(1.0, 0.0), (1.0, 0.0)], "same place")]
+    ("points", "complaint"),
+    [([], NoWaypoints()), ([(1.0, 0.0), (1.0, 0.0)], WaypointsSame(1, 2))],
 )
-def test_useless_lists_are_refused(points: list[tuple[float, float]], complaint: str) -> None:
-    with pytest.raises(MissionError, match=complaint):
-        plan_waypoints(points, (0.0, 0.0, 0.0), rover(), MISSION)
+def test_useless_lists_are_refused(points: list[tuple[float, float]], complaint: Fact) -> None:
+    assert refuse(points, MISSION) == complaint
 
 
 def test_a_waypoint_under_the_robot_costs_no_loop() -> None:

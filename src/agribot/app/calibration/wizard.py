@@ -19,7 +19,17 @@ from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.magnetometer import has_magnetometer
 from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.config import RunConfig
-from agribot.core.errors import AgribotError, MissionError
+from agribot.core.errors import AgribotError
+from agribot.core.facts import (
+    AnyFact,
+    CalibrationRuns,
+    NoResult,
+    NoSuchCalibration,
+    NothingSeen,
+    NoTickYet,
+    RobotDrives,
+    StopToClear,
+)
 from agribot.core.messages import (
     STOP,
     AddNote,
@@ -30,6 +40,7 @@ from agribot.core.messages import (
     TickRecord,
     Who,
 )
+from agribot.core.refusal import MissionRefusal, find_fact
 from agribot.core.robot import RobotSpec
 
 BUSY = ("running", "waiting")  # states of a mission that sets off by itself
@@ -98,7 +109,7 @@ class Wizard:
         `refusal` says why it was not done.
         """
         wanted, by = str(values.get("do")), str(values.get("by"))
-        refusal = ""
+        refusal: AnyFact | None = None
         try:
             with self._lock:
                 if wanted == "start":
@@ -111,7 +122,7 @@ class Wizard:
                     self._file.undo()
                     self._note(by, f"went back to the earlier {self._file.path}")
         except AgribotError as error:
-            refusal = str(error)
+            refusal = find_fact(error)
         return {**self._describe(), "refusal": refusal}
 
     @property
@@ -151,19 +162,17 @@ class Wizard:
         record, kind = self._record, self._kinds.get(name)
         if kind is None:
             known = ", ".join(self._kinds)
-            raise MissionError(
-                f"there is no calibration '{name[:40]}' of this robot; there are: {known}"
-            )
+            raise MissionRefusal(NoSuchCalibration(name[:40], known))
         if self._phase in ("driving", "computing"):
-            raise MissionError("a calibration is under way; cancel it first")
+            raise MissionRefusal(CalibrationRuns())
         if record is None:
-            raise MissionError("the robot has not reported yet; wait for its first state")
-        if record.status.stopped:
-            raise MissionError(f"{record.status.stopped}; release the stop first")
+            raise MissionRefusal(NoTickYet())
+        if record.status.stopped_fact:
+            raise MissionRefusal(StopToClear(record.status.stopped_fact))
         if record.status.state in BUSY or abs(record.estimate.v_mps) > STANDING_MPS:
-            raise MissionError("the robot is at work; pause its mission first")
+            raise MissionRefusal(RobotDrives())
         if kind.needs_pictures and not (self._config.perception.enabled and self._robot.camera):
-            raise MissionError("nothing is seen here; start with perception.enabled and a camera")
+            raise MissionRefusal(NothingSeen())
         self._kind, self._found, self._reason = kind, None, ""
         self._drive, self._coverage = FigureDrive(self._robot.drive, kind.figure), Coverage()
         self._who = Who(f"calibration of {by}", AskerKind.PROGRAM)
@@ -188,7 +197,7 @@ class Wizard:
         """
         found = self._found
         if self._phase != "found" or found is None or not found.ok or not found.settings:
-            raise MissionError("there is no result that may be taken over; calibrate first")
+            raise MissionRefusal(NoResult())
         self._file.add(found.settings)
         self._note(by, f"took over {', '.join(found.settings)} into {self._file.path}")
         self._phase, self._found = "idle", None

@@ -17,6 +17,7 @@ from agribot.autonomy.perceive.plant_cover import excess_green, measure_cover
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.autonomy.perceive.unfit import find_unfit
 from agribot.core.errors import BridgeError, RecordingError
+from agribot.core.fact_text import render
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, PlantClass
 from agribot.core.pose import Pose2
 from agribot.record.bag.opening import open_bag
@@ -139,7 +140,7 @@ def _look(
         crop_ratio=float(np.mean(classes.class_id == PlantClass.CROP)),
         weed_ratio=float(np.mean(classes.class_id == PlantClass.WEED)),
         doubt=class_map.doubt,
-        unfit=find_unfit(image_rgb, class_map),
+        unfit=render(find_unfit(image_rgb, class_map)),
         shown=tint_plants(image_rgb, classes.class_id),
     )
     cover = measure_cover(excess_green(image_rgb), classes.class_id, classes.confidence)

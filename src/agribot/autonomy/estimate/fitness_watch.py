@@ -19,6 +19,7 @@ class FitnessWatch:
         self._unfit = self._unfit + 1 if scene.unfit else 0
         self._fit = 0 if scene.unfit else self._fit + 1
         if self._unfit >= PICTURES:
-            self.fault = PictureUnfit(scene.unfit)
+            cause = scene.unfit_fact
+            self.fault = PictureUnfit(cause=cause) if cause else PictureUnfit(scene.unfit)
         elif self._fit >= PICTURES:
             self.fault = None

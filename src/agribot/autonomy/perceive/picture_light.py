@@ -9,6 +9,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.facts import (
+    AnyFact,
+    OneBrightness,
+    OutOfFocus,
+    Overexposed,
+    PictureNoisy,
+    TooDark,
+)
 from agribot.core.messages import ByteArray
 
 Floats = npt.NDArray[np.float32]
@@ -25,21 +33,21 @@ LEAST_CORRELATION = 0.45
 LEAST_SHARPNESS = 0.3
 
 
-def find_fault(image_rgb: ByteArray) -> str:
-    """Say why a picture (H, W, 3) can show no plants; empty where it may."""
+def find_fault(image_rgb: ByteArray) -> AnyFact | None:
+    """Find why a picture (H, W, 3) can show no plants; None where it may."""
     fine = _average(image_rgb[..., 1], max(1, round(image_rgb.shape[1] / WIDTH_PX)))
     if fine.size == 0 or (bright := float(np.percentile(fine, 95.0))) < DARK:
-        return "picture is too dark; wait for daylight, or light the ground"
+        return TooDark()
     if (white := float((fine >= WHITE).mean())) > MOST_WHITE_RATIO:
-        return f"picture is overexposed, {white:.0%} of it white; shade the camera or set exposure"
+        return Overexposed(white)
     if float(fine.std()) < LEAST_CONTRAST:
-        return f"picture is of one brightness, {bright:.0f} of 255; look at lens and cable"
+        return OneBrightness(bright)
     steps = float((np.diff(fine, axis=1) ** 2).mean())
     if 1.0 - steps / (2.0 * float(fine.var())) < LEAST_CORRELATION:
-        return "picture is noise; look at the camera, its cable and its gain"
+        return PictureNoisy()
     if _measure_sharpness(fine) < LEAST_SHARPNESS:
-        return "picture is out of focus; clean the lens, and focus it on the ground"
-    return ""
+        return OutOfFocus()
+    return None
 
 
 def _average(values: ByteArray, block_px: int) -> Floats:

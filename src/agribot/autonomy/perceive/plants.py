@@ -27,6 +27,7 @@ from agribot.autonomy.perceive.stem_plants import (
 )
 from agribot.autonomy.perceive.unfit import find_unfit
 from agribot.core.config import PerceptionConfig
+from agribot.core.fact_text import render
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 
 LabelArray = npt.NDArray[np.signedinteger]
@@ -61,7 +62,7 @@ def look(
 ) -> Scene:
     """Make the scene of a frame, an empty one with the reason where the picture is unfit."""
     unfit = find_unfit(frame.image_rgb, class_map)
-    if not unfit:
+    if unfit is None:
         return observe(frame, class_map, ground, config, ready_s)
     return Scene(
         t_s=frame.t_s,
@@ -71,7 +72,8 @@ def look(
         view_body_m=ground.view_body_m,
         picture_crc32=_sum_up(frame),
         doubt=class_map.doubt,
-        unfit=unfit,
+        unfit=render(unfit),
+        unfit_fact=unfit,
     )
 
 

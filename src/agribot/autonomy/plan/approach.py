@@ -13,9 +13,10 @@ from agribot.autonomy.plan.curves import Segment, advance, length_m, sample
 from agribot.autonomy.plan.dubins import list_words
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import NoClearWay
 from agribot.core.messages import Row
 from agribot.core.pose import Pose2
+from agribot.core.refusal import MissionRefusal
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import (
     chord_yaw_rad,
@@ -58,12 +59,8 @@ def plan_approach(
         closest = find_closest_to_crop(path, robot, rows)
         if closest.clearance_m >= mission.plant_clearance_m and obstacles.are_clear_of(path):
             return index, route
-    beside = f" and {obstacles.clearance_m:.2f} m off obstacles"
-    beside = "" if obstacles.are_none else beside
-    raise MissionError(
-        f"no way from East {start.x_m:.2f} m, North {start.y_m:.2f} m to the field keeps "
-        f"{mission.plant_clearance_m:.2f} m off the crop{beside}; put the robot on the headland"
-    )
+    beside_m = None if obstacles.are_none else obstacles.clearance_m
+    raise MissionRefusal(NoClearWay(*start.xy_m, mission.plant_clearance_m, beside_m))
 
 
 def _list_ways(

@@ -27,7 +27,6 @@ from agribot.core.facts import (
     RowsSkipped,
     RowsUndriven,
     RowsUnproven,
-    Said,
     WaypointsMissed,
 )
 from agribot.core.messages import Estimate, MissionState, Path
@@ -256,11 +255,11 @@ class MissionJob:
         if missed:
             return "failed", WaypointsMissed(tuple(missed), self._config.waypoint_radius_m)
         if self.task.explorer is not None and self.task.explorer.unfinished:
-            return "failed", Said(self.task.explorer.unfinished)
+            return "failed", self.task.explorer.unfinished
         if undone:
             return "failed", RowsUndriven(tuple(undone))
         if unproven:
-            named = tuple(self.rows.missing(row) for row in unproven[:MOST_NAMED])
-            return "failed", RowsUnproven(named, len(unproven) - len(named))
+            named = tuple(map(self.rows.object_to, unproven[:MOST_NAMED]))
+            return "failed", RowsUnproven(rows=named, more=len(unproven) - len(named))
         skipped = tuple(self.rows.skipped)
         return "done", RowsSkipped(skipped) if skipped else None

@@ -7,6 +7,8 @@ from typing import Literal
 
 import msgspec
 
+from agribot.core.facts import RowUnproven
+
 Doubt = Literal["", "unseen", "unsure"]
 # Largest share of the driven length without proof; gaps in the crop and weak light may take it.
 UNPROVEN_RATIO = 0.5
@@ -49,18 +51,11 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
         return 0.0 < BARE_RATIO * self.worked_m <= self.unseen_m
 
     @property
-    def missing(self) -> str:
-        """Objections to the row; it counts from 1."""
+    def objection(self) -> RowUnproven:
+        """What speaks against the row."""
         if has_evidence([self]):
-            return f"row {self.index + 1}: maybe one row off"
-        lacks = []
-        if self.unseen_m:
-            lacks.append(f"no crop row seen over {self.unseen_m:.1f} m")
-        if self.unsure_m:
-            lacks.append(
-                f"position too uncertain to exclude the next row over {self.unsure_m:.1f} m"
-            )
-        return f"row {self.index + 1}: {' and '.join(lacks)}"
+            return RowUnproven(self.index + 1)
+        return RowUnproven(self.index + 1, self.unseen_m, self.unsure_m)
 
 
 def has_evidence(stretches: Sequence[RowResult]) -> bool:
@@ -178,9 +173,9 @@ class RowLog:
         self.done = tuple(index for index in self.done if index not in doubted)
         self.unproven += tuple(doubted)
 
-    def missing(self, row: int) -> str:
-        """Say what speaks against an unproven row, for people."""
-        return self._results[row].missing
+    def object_to(self, row: int) -> RowUnproven:
+        """Return what speaks against an unproven row."""
+        return self._results[row].objection
 
     def nudge(self, row: int, left_m: float) -> bool:
         """Move the line of a row aside, to the left of its direction; False beyond the limit."""

@@ -7,6 +7,7 @@ from enum import IntEnum
 
 import msgspec
 
+from agribot.core.facts import AnyFact
 from agribot.core.messages.arrays import Vec3
 
 
@@ -120,7 +121,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     weed_scores: WeedScores | None = None  # None: the network or the recording has none
     picture_crc32: int = 0  # checksum of the picture's bytes; 0 where not computed
     doubt: float | None = None  # doubt of the network, 0 to 1 (perceive/doubt.py); None: not known
-    unfit: str = ""  # why nothing else of the scene holds, such as too dark a picture
+    unfit: str = ""  # text of `unfit_fact`
+    unfit_fact: AnyFact | None = None  # why nothing else of the scene holds
 
 
 class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from agribot.app.calibration.wizard import Wizard
 from agribot.app.run import Run
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import ConfigError, MissionError, RecordingError
-from agribot.core.facts import PausedByLoss
+from agribot.core.facts import NoFrameSeen, NoTickYet, PausedByLoss
 from agribot.core.messages import (
     AddNote,
     AskerKind,
@@ -28,6 +28,7 @@ from agribot.core.messages import (
 )
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.plugins import PANELS, bind_settings, iterate_plugins
+from agribot.core.refusal import MissionRefusal, find_fact
 from agribot.record.events import Event
 from agribot.ui import wire
 from agribot.ui.about import About, RosPlaces
@@ -249,7 +250,7 @@ class OperatorPage:
             if isinstance(question, wire.SaveFrame):
                 return wire.Answer(id=id, value=self._save_frame())
         except (MissionError, RecordingError) as error:
-            return wire.Answer(id=id, refusal=str(error))
+            return wire.Answer(id=id, refusal=find_fact(error))
         return wire.Answer(id=id, value=self._find(question))
 
     def _find(self, question: wire.Question) -> Any:
@@ -267,7 +268,7 @@ class OperatorPage:
     def _preview_goal(self, goal: wire.GoTo) -> wire.GoalPreview:
         record = self._view.record
         if record is None:
-            raise MissionError("the robot has not begun yet")
+            raise MissionRefusal(NoTickYet())
         mission = self._session.stack.mission
         config = msgspec.structs.replace(self._session.config.mission, speed_mps=mission.speed_mps)
         return preview_goal(mission.task, record.estimate, config, goal)
@@ -275,7 +276,7 @@ class OperatorPage:
     def _save_frame(self) -> wire.KeptFrame:
         shot = self._frames.newest()
         if shot is None:
-            raise MissionError("no frame yet that the network has seen; is the camera on?")
+            raise MissionRefusal(NoFrameSeen())
         return self._saved_frames.save(shot)
 
     def _about(self, port: int) -> About:

@@ -7,6 +7,7 @@ import threading
 
 import msgspec
 
+from agribot.core.facts import AnyFact, NoAnswer
 from agribot.core.messages import AnyRequest, GoTo, Inbox, TickRecord, Who
 
 PATIENCE_S = 4.0  # the page itself waits a little longer
@@ -15,7 +16,7 @@ PATIENCE_S = 4.0  # the page itself waits a little longer
 class _Asked:
     def __init__(self) -> None:
         self.is_heard = False
-        self.refusal = ""
+        self.refusal: AnyFact | None = None
         self.is_settled = threading.Event()
 
 
@@ -36,11 +37,11 @@ class Verdicts:
                 asked.is_heard = True
         for answer in record.status.answers:
             if asked := self._asked.get(answer.id):
-                asked.refusal = answer.refusal
+                asked.refusal = answer.fact
                 asked.is_settled.set()
 
-    def ask(self, request: AnyRequest, who: Who) -> str:
-        """Post a request; return why it is refused, or "".
+    def ask(self, request: AnyRequest, who: Who) -> AnyFact | None:
+        """Post a request; return why it is refused, or None.
 
         A goal that takes long to settle counts as taken: the robot still rolls out, and the
         mission's state shows what becomes of it.
@@ -52,4 +53,4 @@ class Verdicts:
         del self._asked[id]
         if is_settled or (asked.is_heard and isinstance(request, GoTo)):
             return asked.refusal
-        return f"the robot did not answer within {PATIENCE_S:g} s; see whether its ticks arrive"
+        return NoAnswer(PATIENCE_S)

@@ -9,11 +9,13 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
+from agribot.core.fact_text import render
 from agribot.core.messages import Who
 from agribot.ui import wire
 from agribot.ui.server.access import Caller, make_who
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.hub import Hub, NotWanted
+from agribot.ui.server.languages import language_of
 
 T = TypeVar("T")
 NO_STORE = {"cache-control": "no-store"}
@@ -117,7 +119,7 @@ async def ask_robot(request: Request, question: wire.Question, type: type[T]) ->
     except LookupError as error:
         raise Unusable(502, str(error)) from error
     except NotWanted as error:
-        raise Unusable(409, str(error)) from error
+        raise Unusable(409, render(error.fact, language_of(request))) from error
 
 
 def channel_of(request: Request) -> Channel:

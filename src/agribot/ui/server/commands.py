@@ -7,7 +7,11 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from msgspec import UNSET
+
 from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact
 from agribot.core.messages import AnyRequest, Who
 from agribot.core.request_text import describe_request
 from agribot.ui import wire
@@ -171,7 +175,8 @@ class Commands:
         request.add_done_callback(self._requests.discard)
 
     async def _request(self, message: AnyRequest) -> None:
-        self._answer(message, await self._hub.request(message, self._page.who))
+        refusal = await self._hub.request(message, self._page.who)
+        self._answer(message, render(refusal), refusal)
 
     def _point_out(self, message: wire.PointOut) -> None:
         """Publish and record a place that somebody clicked, as RViz's Publish Point."""
@@ -237,9 +242,12 @@ class Commands:
             return ROBOT_GONE
         return ""
 
-    def _answer(self, message: wire.Request, reason: str = "") -> None:
+    def _answer(self, message: wire.Request, reason: str = "", fact: AnyFact | None = None) -> None:
         if message.id or reason:
-            self._page.tell(wire.Verdict(id=message.id, ok=not reason, reason=reason))
+            verdict = wire.Verdict(
+                id=message.id, ok=not reason, reason=reason, reason_fact=fact or UNSET
+            )
+            self._page.tell(verdict)
 
 
 def _is_late(sent_ms: float | None) -> bool:

@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import AgribotError
+from agribot.core.fact_text import render
 from agribot.core.messages import TakePlan
 from agribot.gis.field_choice import keep_field, list_fields
 from agribot.gis.formats.table import read_field_file, write_field_file
@@ -26,6 +27,7 @@ from agribot.ui.server.answers import (
 )
 from agribot.ui.server.field_check import check_field, datum_of
 from agribot.ui.server.hub import Hub
+from agribot.ui.server.languages import language_of
 from agribot.ui.server.mapviz_config import config_of, displays_of
 from agribot.ui.server.off_the_loop import run_in_process
 from agribot.ui.server.planning import Made, make_plan
@@ -151,7 +153,7 @@ async def apply_plan(request: Request) -> Response:
         return json_answer(msgspec.structs.replace(made.answer, error=error), 422)
     refusal = await hub.request(TakePlan(geojson=made.text), who_asks(request))
     if refusal:
-        raise Unusable(409, refusal)
+        raise Unusable(409, render(refusal, language_of(request)))
     if made.is_crop_gone:
         hub.note(who_asks(request), "takes the crop rows off the map")
     hub.about.field = made.field

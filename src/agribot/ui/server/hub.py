@@ -11,7 +11,8 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from agribot.core.facts import StoppedAgainBy
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact, NoAnswer, Said, StoppedAgainBy
 from agribot.core.messages import (
     AddNote,
     AnyRequest,
@@ -49,7 +50,11 @@ GAVE_WAY = (
 
 
 class NotWanted(Exception):
-    """The robot's program says in one sentence why it does not do what was asked of it."""
+    """The robot's program does not do what was asked of it, for a fact."""
+
+    def __init__(self, fact: AnyFact) -> None:
+        super().__init__(render(fact))
+        self.fact = fact
 
 
 class Hub:
@@ -186,14 +191,14 @@ class Hub:
             PressStop() if times == 1 else StopFor(cause=StoppedAgainBy(who.name, times)), who
         )
 
-    async def request(self, request: AnyRequest, who: Who) -> str:
-        """Ask for what the mission may refuse: why it does, or nothing where it was taken."""
+    async def request(self, request: AnyRequest, who: Who) -> AnyFact | None:
+        """Ask for what the mission may refuse: why it does, or None where it was taken."""
         try:
             return (await self._ask(_make_order(request, who), ANSWER_S)).refusal
         except TimeoutError:
-            return f"the robot's program did not answer within {ANSWER_S:g} s"
+            return NoAnswer(ANSWER_S)
         except LookupError as error:
-            return str(error)
+            return Said(str(error))
 
     def find_topics(self) -> TopicSources:
         """Find the sources of topics, which are made when somebody asks first."""

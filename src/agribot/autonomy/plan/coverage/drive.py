@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -21,7 +22,16 @@ from agribot.autonomy.plan.plan_certificate import check_crop, check_ways
 from agribot.autonomy.plan.speed import plan_speed_mps, time_left_s
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.facts import ThereAlready
+from agribot.core.facts import (
+    AtHome,
+    FarFromGround,
+    NoRoomToFace,
+    PlaceUnfit,
+    Said,
+    ThereAlready,
+    WayCrossesCrop,
+    WayRefused,
+)
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
@@ -87,7 +97,7 @@ class FieldWork:
             start = (float(row_ahead[-1, 0]), float(row_ahead[-1, 1]))
         legs += self._plan_way(start, home)
         if not legs:
-            raise MissionError("the robot is at home already")
+            raise MissionRefusal(AtHome())
         return sample_legs(legs, [None] * len(legs))
 
     def plan_to(self, start: MapPoint, goal: Place) -> Path:
@@ -101,15 +111,12 @@ class FieldWork:
         place = (x_m, y_m)
         space = self._make_space()
         if not space.drivable.covers(shapely.Point(place)):
-            raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._describe_place(place)}")
+            raise MissionRefusal(PlaceUnfit(x_m, y_m, self._judge_place(place)))
         before = place
         if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
             before = Pose2(x_m, y_m, yaw_rad).transform(-RUN_IN_M, 0.0)
             if not space.drivable.covers(shapely.LineString((before, place))):
-                raise MissionError(
-                    f"there is no room to look that way at East {x_m:.2f} m, North {y_m:.2f} m; "
-                    "choose another heading, or none"
-                )
+                raise MissionRefusal(NoRoomToFace(x_m, y_m))
         legs = self._plan_way(start, before)
         if before != place:
             legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
@@ -127,22 +134,22 @@ class FieldWork:
             raise MissionRefusal(ThereAlready())
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
         if problems:
-            raise MissionError(f"the way there is refused: {problems[0].message}")
+            raise MissionRefusal(WayRefused(Said(problems[0].message)))
         return sample_legs(legs, [None] * len(legs))
 
-    def _describe_place(self, place: MapPoint) -> str:
+    def _judge_place(self, place: MapPoint) -> Literal["beyond", "obstacle", "crop", "edge"]:
         """Why a robot cannot turn at a place."""
         import shapely
 
         here = shapely.Point(place)
         if not shapely.Polygon(self.area.boundary).covers(here):
-            return "lies beyond the boundary of the field"
+            return "beyond"
         if any(shapely.Polygon(hole).covers(here) for hole in self.area.holes):
-            return "lies in an obstacle"
+            return "obstacle"
         rows = [shapely.LineString(row) for row in self.area.standing]
         if rows and shapely.MultiLineString(rows).distance(here) < self._row_clearance_m:
-            return "lies in the crop rows"
-        return "is too near to an edge or an obstacle for the robot to turn there"
+            return "crop"
+        return "edge"
 
     def _make_space(self) -> FreeSpace:
         import shapely
@@ -165,20 +172,14 @@ class FieldWork:
         inner = [space.nearest(place) for place in (start, goal)]
         for place, near in zip((start, goal), inner, strict=True):
             if math.dist(place, near) > MAX_OUTSIDE_M:
-                raise MissionError(
-                    f"East {place[0]:.2f} m, North {place[1]:.2f} m is "
-                    f"{math.dist(place, near):.1f} m from the ground on which the robot may drive, "
-                    f"more than {MAX_OUTSIDE_M:g} m; bring it nearer to the field"
-                )
+                away_m = math.dist(place, near)
+                raise MissionRefusal(FarFromGround(*place, away_m, MAX_OUTSIDE_M))
         corners = np.array([start, *Ways(space.region, space.drivable).way(*inner), goal])
         steps_m = np.hypot(*np.diff(corners, axis=0).T)
         way = Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])
         crushed = check_crop((way,), self.area, self._shape, self.request, start)
         if crushed:
-            raise MissionError(
-                f"the way would cross crop: {crushed[0].message}; drive it by hand to where "
-                "none lies in between"
-            )
+            raise MissionRefusal(WayCrossesCrop(Said(crushed[0].message)))
         return [way]
 
     @property

@@ -10,7 +10,9 @@ import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoHeadland
 from agribot.core.messages import FloatArray, MapPoint
+from agribot.core.refusal import MissionRefusal
 
 if TYPE_CHECKING:
     import shapely
@@ -105,7 +107,7 @@ class FreeSpace:
 
         parts = list_polygons(self.region.difference(obstacle))
         if not parts:
-            raise MissionError("the crop rows leave no headland to turn on; leave room around them")
+            raise MissionRefusal(NoHeadland())
         self.region = max(parts, key=lambda part: part.area)
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)

@@ -21,6 +21,7 @@ from agribot.autonomy.plan.explore.found_row import FoundRow
 from agribot.autonomy.plan.explore.lay import back_out, chain, join, lay_on, take_pose_at
 from agribot.autonomy.plan.explore.row_order import RowOrder, Side
 from agribot.core.config import MissionConfig
+from agribot.core.facts import NoRowInView, RowOutOfView
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import MapPoint, Path, Row, RowLine, Scene
 from agribot.core.pose import Pose2
@@ -73,16 +74,13 @@ class Explorer:
         return self._order.rows
 
     @property
-    def unfinished(self) -> str:
-        """The missing part at the end of the way; empty where the field is done."""
+    def unfinished(self) -> NoRowInView | RowOutOfView | None:
+        """The missing part at the end of the way; None where the field is done."""
         if self.phase == "done":
-            return ""
+            return None
         if self._target is None:
-            return (
-                f"no crop row came into view over {SEARCH_M:g} m; put the robot down so that it "
-                "looks at the field, and check the camera"
-            )
-        return f"the camera shows no more of row {self._target.index + 1}; check the camera"
+            return NoRowInView(SEARCH_M)
+        return RowOutOfView(self._target.index + 1)
 
     def see(self, scene: Scene, pose: Pose2, pos_std_m: float) -> None:
         """Take in a picture that was taken at a pose, which is known to 1 sigma."""

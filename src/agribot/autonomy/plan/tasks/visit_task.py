@@ -11,9 +11,10 @@ from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import VisitPathOnly
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row
+from agribot.core.refusal import MissionRefusal
 from agribot.core.robot import RobotSpec
 
 
@@ -61,5 +62,5 @@ class VisitTask:
     def plan_back(self, here: Estimate, place: Place) -> Path:
         raise self._refuse()
 
-    def _refuse(self) -> MissionError:
-        return MissionError(f"the visit '{self.name}' drives its own path only")
+    def _refuse(self) -> MissionRefusal:
+        return MissionRefusal(VisitPathOnly(self.name))
