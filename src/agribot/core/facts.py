@@ -30,16 +30,16 @@ import msgspec
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
                "bumper", "button", "contactor", "battery", "clock", "link", "disk", "start",
-               "robot", "crop", "inputs", "program"]  # fmt: skip
+               "robot", "crop", "inputs", "program", "lidar"]  # fmt: skip
 # note: nothing is wrong; warning: the robot goes on; fault: it must not, or not by itself.
 Severity = Literal["note", "warning", "fault"]
 Wheel = Literal["right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F"]
 Side = Literal["left", "right"]
 Where = Literal["left", "right", "ahead", "behind"]
 End = Literal["front", "behind"]  # ends of the robot
-Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall silent
+Unspoken = Literal["wheels", "imu", "gnss", "compass", "lidar"]  # a sensor that may fall silent
 Motion = Literal["stand", "backwards", "fast", "slow"]  # motions of wheels, against their command
-Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
+Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels", "lidar"]
 
 # A sensor, a board, the program or the encoder of one wheel may be silent for moments.
 ComingAndGoing = Literal["gnss", "compass", "imu", "wheels", "camera", "board", "contactor",
@@ -136,7 +136,7 @@ class Said(Fact, frozen=True):
 
 
 _UNSPOKEN: dict[str, Part] = {
-    "wheels": "wheels", "imu": "imu", "gnss": "gnss", "compass": "compass",
+    "wheels": "wheels", "imu": "imu", "gnss": "gnss", "compass": "compass", "lidar": "lidar",
 }  # fmt: skip
 
 
@@ -235,7 +235,7 @@ class TiltUnknown(Fact, frozen=True):
 
 _SOURCES: dict[str, Part] = {
     "gnss": "gnss", "imu": "imu", "mag": "compass", "wheels": "wheels", "frames": "camera",
-    "contactor": "contactor",
+    "contactor": "contactor", "scans": "lidar",
 }  # fmt: skip
 
 
@@ -1214,6 +1214,31 @@ class OnlyAway(Fact, frozen=True):
 
     about: ClassVar[tuple[Part, ...]] = ("bumper",)
     ends: tuple[End, ...]
+
+
+class _OfObstacle(Fact, frozen=True):
+    """A person or a thing, and the way until the robot would touch it."""
+
+    way_m: float
+
+
+class ObstacleInWay(_OfObstacle, frozen=True):
+    """Something is in the way; the robot waits until it is free."""
+
+    severity: ClassVar[Severity] = "warning"
+
+
+class ObstacleNearWay(_OfObstacle, frozen=True):
+    """Something is near the way, or in it farther on; the robot drives slowly."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class ObstacleStays(Fact, frozen=True):
+    """Something stays in the way; a person has to look."""
+
+    waited_s: float
+    cause: AnyFact
 
 
 # --- the gate ---
