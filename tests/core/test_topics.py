@@ -64,7 +64,7 @@ def test_every_sensor_of_a_batch_has_a_topic() -> None:
         # Requests, headings, other sensors and reports of boards travel inside /agribot/tick.
         if field.name in {
             "t_s", "requests", "notes", "headings", "hand", "others", "board", "gnss_status",
-            "contactor",
+            "contactor", "obstacles",
         }:  # fmt: skip
             continue
         sample = field.type.__args__[0]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import agribot
+from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun
 from agribot.description.loader import export_urdf
 from agribot.record.events import read_events
@@ -22,9 +23,7 @@ PLATE = (
     "</collision></link>"
 )
 WORKER = """<actor name="worker"><agribot:kind>person_walking</agribot:kind><script>
-<loop>false</loop><trajectory id="0" type="walk">
-<waypoint><time>0</time><pose>-2 6 0 0 0 -1.57</pose></waypoint>
-<waypoint><time>5</time><pose>-2 1 0 0 0 -1.57</pose></waypoint></trajectory></script></actor>
+<loop>false</loop><trajectory id="0" type="walk">{points}</trajectory></script></actor>
 """
 
 
@@ -64,14 +63,43 @@ def test_a_robot_with_a_low_belly_reports_the_row_that_it_drove_over(
     assert not run.simulator.plants.is_standing[list(run.simulator.crushed)].any()
 
 
-def test_a_mission_with_a_person_in_its_way_tells_how_near_it_came(tmp_path: Path) -> None:
+def _visit(folder: Path, *places: str) -> Path:
+    """Make a farm in which a worker walks from place to place, and stays at the last."""
     from agribot.description.sdf_export import write_world
     from agribot.description.worlds_sdf import load_world
 
-    world = tmp_path / "farm.world"
+    world = folder / "farm.world"
     write_world(load_world("Farm"), world)
-    text = world.read_text()
-    world.write_text(text.replace("</world>", WORKER + "</world>"))
+    points = "".join(
+        f"<waypoint><time>{5 * k}</time><pose>{place} 0 0 0 -1.57</pose></waypoint>"
+        for k, place in enumerate(places)
+    )
+    worker = WORKER.format(points=points)
+    world.write_text(world.read_text().replace("</world>", f"{worker}</world>"))
+    return world
+
+
+def test_a_robot_with_a_lidar_waits_for_a_person_asks_and_replays_the_same(tmp_path: Path) -> None:
+    world = _visit(tmp_path, "4 3", "1 3")
+    settings = agribot.load("farm", [
+        *QUICK, f"world={world}", "duration_s=36", "sim.lidar=true", "record.enabled=true",
+        "mission.stall_timeout_s=5",
+    ])  # fmt: skip
+    report, _ = _run(settings, tmp_path / "run")
+    nearest_m = report.safety.person_distance_min_m
+    assert nearest_m is not None and 1.5 < nearest_m < 2.5
+    (stop,) = report.safety.stops
+    assert stop.code == "obstacle_in_way" and 1.8 < stop.numbers["way_m"] < 2.0
+    assert report.safety.waits_for_obstacles == 1
+    (asked,) = report.safety.interventions
+    assert (asked.code, asked.numbers["waited_s"]) == ("obstacle_stays", 5.0)
+    path = tmp_path / "run" / "run.mcap"
+    again, _ = rerun(path, agribot.load(str(tmp_path / "run" / "config.toml")))
+    assert compare_passes(read_pass(path), again).first is None
+
+
+def test_a_mission_with_a_person_in_its_way_tells_how_near_it_came(tmp_path: Path) -> None:
+    world = _visit(tmp_path, "-2 6", "-2 1")
     settings = agribot.load("farm", [*QUICK, f"world={world}", "duration_s=20"])
     report, _ = _run(settings, tmp_path / "run")
     assert report.safety.person_distance_min_m == 0.0

@@ -237,9 +237,28 @@ def test_a_setting_gives_the_packaged_robot_a_lidar_at_its_front() -> None:
     robot = load_robot_of_run(settings)
     assert robot.lidar is not None and robot.lidar.link == LINK
     x_m, y_m, z_m = robot.body_from_link(LINK)[:3, 3]
-    assert (y_m, z_m) == pytest.approx((0.0, 0.3))
+    assert (y_m, z_m) == pytest.approx((0.0, 0.45))
     assert x_m == pytest.approx(robot.wheel_xy_body_m()[:, 0].max() + robot.drive.wheel_radius_m)
     assert load_robot_of_run(RunConfig()).lidar is None
+
+
+def test_the_lidar_of_a_setting_sees_all_around_but_where_the_robot_is_in_its_way(
+    rover: RobotSpec,
+) -> None:
+    assert (free := fit_lidar(rover).lidar) and math.degrees(free.max_angle_rad) == (
+        pytest.approx(179.5)
+    )
+    mast = fit_lidar(load_robot("agribot")).lidar  # of the camera, behind it and 2 cm wide
+    assert mast is not None and math.degrees(mast.max_angle_rad) == pytest.approx(166.5)
+    assert mast.min_angle_rad == -mast.max_angle_rad
+    assert math.degrees(mast.step_rad) == pytest.approx(0.5)
+    tall = Shape(kind="box", size_m=(0.4, 0.6, 1.0), origin=Origin(xyz_m=(0.0, 0.0, 0.3)))
+    base, *others = rover.links
+    links = (msgspec.structs.replace(base, collisions=(tall,)), *others)
+    blind = fit_lidar(msgspec.structs.replace(rover, links=links)).lidar
+    front_m = float(rover.wheel_xy_body_m()[:, 0].max()) + rover.drive.wheel_radius_m
+    corner_rad = math.atan2(0.3, 0.2 - front_m)
+    assert blind is not None and blind.max_angle_rad == pytest.approx(corner_rad, abs=0.01)
 
 
 def test_a_scan_is_a_ros_message_and_no_part_of_a_recorded_tick(
@@ -247,8 +266,8 @@ def test_a_scan_is_a_ros_message_and_no_part_of_a_recorded_tick(
 ) -> None:
     (found,) = scan(fit_lidar(rover), walled)
     message = make_laser_scan(found, "laser_link")
-    assert (message.header.frame_id, len(message.ranges)) == ("laser_link", 720)
-    assert message.angle_max == pytest.approx(found.min_angle_rad + 719 * found.step_rad)
+    assert (message.header.frame_id, len(message.ranges)) == ("laser_link", 719)
+    assert message.angle_max == pytest.approx(found.min_angle_rad + 718 * found.step_rad)
     assert (message.range_min, message.range_max) == pytest.approx((0.15, 12.0))
     record = record_samples.ticks(1)[0]
     record = msgspec.structs.replace(

@@ -16,6 +16,7 @@ from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
+from agribot.core.facts import ObstacleInWay
 from agribot.core.implement.left_weeds import (
     ENDED_BY_OPERATOR,
     ROW_NOT_DRIVEN,
@@ -44,6 +45,7 @@ from agribot.record.report import (
     SafetyReport,
     TimeReport,
     TrackingReport,
+    VisitReport,
     WeedReport,
 )
 from agribot.record.run_files import DRAWN_FILE
@@ -344,7 +346,9 @@ def _safety(
     if drive.judge is not None:
         score = drive.judge.score_safety()
         crushes = judge_crushes(drive.config.faults, faults, score.crushes, score.stood_s)
-        safety = _same_fields(msgspec.structs.replace(score, crushes=()), SafetyReport)
+        visits = tuple(_same_fields(visit, VisitReport) for visit in score.visits)
+        plain = msgspec.structs.replace(score, crushes=(), visits=())
+        safety = msgspec.structs.replace(_same_fields(plain, SafetyReport), visits=visits)
     return msgspec.structs.replace(
         safety,
         stops=_select_events(events, "stop"),
@@ -356,7 +360,13 @@ def _safety(
         interventions=interventions,
         km_per_intervention=compute_km_per_intervention(distance_m, len(interventions)),
         dropouts=drive.event_log.dropouts,
+        waits_for_obstacles=_count_waits(events),
     )
+
+
+def _count_waits(events: Sequence[Event]) -> int:
+    """Count how often the gate began to hold the robot for something in its way."""
+    return sum(event.kind == "gate" and event.code == ObstacleInWay(0.0).code for event in events)
 
 
 def _select_events(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:

@@ -19,10 +19,12 @@ from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.description.altered_world import alter_world
 from agribot.description.conditions import Conditions, draw_conditions, load_condition_preset
+from agribot.description.sdf_actors import load_figure
 from agribot.description.sowing import leave_out_crop
 from agribot.description.worlds_sdf import load_place, load_run_world
 from agribot.sim.faults.schedule import parse_fault
 from agribot.sim.random_streams import make_stream
+from agribot.sim.visitors import add_visitors
 
 
 class RunWorld(NamedTuple):
@@ -46,7 +48,7 @@ def make_run_world(config: RunConfig) -> RunWorld:
     Raises: AgribotError: unknown preset, or a world or field that cannot be read.
     """
     preset = load_condition_preset(config.sim.preset)
-    world = load_run_world(config)
+    world = _invite(load_run_world(config), config)
     if preset.is_exact and not config.faults:
         return RunWorld(world, None)
     has_crops = any(plant.plant == PlantClass.CROP for plant in world.plants)
@@ -57,6 +59,12 @@ def make_run_world(config: RunConfig) -> RunWorld:
     sown = alter_world(world, rows, preset, drawn, config.seed)
     true_rows = [drawn.find_true_row(row) for row in rows]
     return RunWorld(_leave_out_crop(sown, true_rows, config), drawn)
+
+
+def _invite(world: WorldSpec, config: RunConfig) -> WorldSpec:
+    """Add those who step into the robot's way."""
+    count = config.sim.visitors
+    return add_visitors(world, count, config.seed, load_figure) if count else world
 
 
 def settle_origin(config: RunConfig) -> RunConfig:

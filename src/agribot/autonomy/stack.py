@@ -9,6 +9,7 @@ import msgspec
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.autonomy.control.keep_out_fence import KeepOutFence
+from agribot.autonomy.control.obstacle_zone import ObstacleZone
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.corrections import load_corrections
 from agribot.autonomy.estimate.localizer import Localizer
@@ -18,6 +19,7 @@ from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import look
+from agribot.autonomy.perceive.scan_obstacles import ScanObstacles
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.autonomy.perception_host import (
     NewestPerception,
@@ -59,6 +61,7 @@ class Stack:
 
     def __init__(
         self,
+        scan_obstacles: ScanObstacles,
         localizer: Localizer,
         perception: PerceptionHost,
         weed_map: WeedMap,
@@ -71,6 +74,7 @@ class Stack:
         mask_taps: list[MaskTap],
         plant_spacing_m: float | None = None,
     ) -> None:
+        self.scan_obstacles = scan_obstacles
         self.localizer = localizer
         self.perception = perception
         self.weed_map = weed_map
@@ -85,7 +89,7 @@ class Stack:
         self.mask_taps = mask_taps  # called in the network's thread
 
     def tick(self, platform: Platform) -> TickRecord:
-        batch = platform.read()
+        batch = self.scan_obstacles.add(platform.read())
         estimate = self.localizer.update(batch)
         self.weed_map.track_pose(estimate)
         scenes = self.perception.step(batch)
@@ -99,6 +103,7 @@ class Stack:
         self.treatment.apply_events(batch.requests)
         self.mission.obey_warning(self.supervisor.warning)
         self.mission.free(self.supervisor.stuck)
+        self.mission.wait_for(self.supervisor.in_way)
         on_rows = self.mission.relate_to_path(estimate)
         goal = self.mission.step(on_rows, (*batch.requests, *takeover))
         self._follow_task()
@@ -176,7 +181,9 @@ def build(
     if perception is None:
         perception = perceiving(config, robot, show_mask, find_row_spacing_m(config, task))
     most_mps = find_most_mps(config.safety, robot.drive)
+    body = _measure_body(robot)
     return Stack(
+        scan_obstacles=ScanObstacles(robot, body),
         localizer=_localize(config, robot, task, plants),
         perception=perception,
         weed_map=WeedMap(config.weeds),
@@ -184,22 +191,30 @@ def build(
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.implement, zones, config.plugins),
-        supervisor=Supervisor(config.safety, robot, latch, _fence_out(config, robot)),
+        supervisor=_guard(config, robot, body, latch),
         planning=planning,
         mask_taps=mask_taps,
         plant_spacing_m=config.field.plant_spacing_m,
     )
 
 
-def _fence_out(config: RunConfig, robot: RobotSpec) -> KeepOutFence | None:
+def _guard(config: RunConfig, robot: RobotSpec, body: BodyBox, latch: Latch) -> Supervisor:
+    obstacles = ObstacleZone(config.safety, body, must_report=robot.lidar is not None)
+    return Supervisor(config.safety, robot, latch, _fence_out(config, robot, body), obstacles)
+
+
+def _measure_body(robot: RobotSpec) -> BodyBox:
+    shape = measure_footprint(robot, 0.0)
+    return BodyBox(shape.front_m, shape.rear_m, shape.half_width_m)
+
+
+def _fence_out(config: RunConfig, robot: RobotSpec, body: BodyBox) -> KeepOutFence | None:
     """Build the fence around the areas of the settings; None without any."""
     rings = config.field.keep_out_map_m
     if not rings:
         return None
-    shape, drive = measure_footprint(robot, 0.0), robot.drive
-    body = BodyBox(shape.front_m, shape.rear_m, shape.half_width_m)
-    clearance_m = config.mission.obstacle_clearance_m
-    return KeepOutFence(KeepOut(rings), body, config.safety, clearance_m, drive.max_accel_mps2)
+    clearance_m, decel_mps2 = config.mission.obstacle_clearance_m, robot.drive.max_accel_mps2
+    return KeepOutFence(KeepOut(rings), body, config.safety, clearance_m, decel_mps2)
 
 
 def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap | None) -> Localizer:

@@ -37,6 +37,11 @@ BENCHMARKS = {
         "let one thing go wrong in each drive: noticed, how soon, what was done, what it cost",
         "agribot bench faults --faults gnss.jump,motor.dead --seeds 1 --no-camera",
     ),
+    "encounters": (
+        "agribot.cli.bench_encounters",
+        "let people, animals and things step into the robot's way: who is touched, and how fast",
+        "agribot bench encounters --seeds 1-4 --json",
+    ),
     "perception": (
         "agribot.cli.bench_perception",
         "time every network end to end, the original's beside them",

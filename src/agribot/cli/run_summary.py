@@ -19,6 +19,8 @@ def format_summary(report: Report, out_dir: Path) -> str:
     if report.safety.person_distance_min_m is not None:
         nearest_m = _format_number(report.safety.person_distance_min_m, unit=" m")
         lines.append(f"nearest to a person {nearest_m}")
+    if waits := report.safety.waits_for_obstacles:
+        lines.append(f"waited {waits} times for a person or thing in the way")
     if weeds.mapped is not None:
         lines += _format_weeds(weeds, report.implement.verb if report.implement else "treated")
     lines.append(

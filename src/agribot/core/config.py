@@ -191,6 +191,10 @@ class SafetyConfig(Config, frozen=True):
     empty_battery_v: NonNegative = 0.0  # voltage below which it stands
     # Inputs that the board must report, or the robot stands; unset: those of the platform.
     must_report: tuple[SafetyInput, ...] | None = None
+    # A lidar of the robot's description must report, and missions wait for what is in their way.
+    stops_for_obstacles: bool = True
+    obstacle_stop_m: Positive = 2.0  # way to an obstacle at which the robot stands
+    obstacle_slow_m: Positive = 4.0  # way to an obstacle at which it drives slowly
     clock_jump_s: Positive = 1.0  # longest gap between ticks
 
 
@@ -261,6 +265,7 @@ class SourceConfig(Config, frozen=True):
     base: str = ""  # motor board: serial:/dev/ttyACM0?board=agribot
     # Contactor in the motors' supply: lcus:/dev/ttyUSB3; empty: none.
     contactor: str = ""
+    scan: str = ""  # lidar of the robot's description: ros2:/scan
     others: str = ""  # topic of `OtherSample`s
 
 
@@ -279,8 +284,10 @@ class SimConfig(Config, frozen=True):
     actuation: Literal["servo", "effort"] = "servo"
     # Receiver at the world's pole, with errors of its own or sharing the slow ones.
     base_station: Literal["off", "independent", "common"] = "off"
-    # A lidar at the front that only publishes scans.
+    # A lidar at the front, 0.45 m above the ground.
     lidar: bool = False
+    # People, animals and things that step into the robot's way, drawn by the seed.
+    visitors: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
     # Contactors in series in the motors' supply.
     contactors: Annotated[int, msgspec.Meta(ge=0, le=2)] = 2
     imu: str = ""  # IMU in place of the preset's: ideal, hector, mpu9265

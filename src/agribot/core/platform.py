@@ -17,7 +17,7 @@ from agribot.core.messages import (
 )
 
 # Fields of a SensorBatch that may come from elsewhere.
-Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others", "contactor"]
+Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others", "contactor", "scans"]
 SILENCE_S = 2.0
 
 

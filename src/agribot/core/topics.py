@@ -145,7 +145,7 @@ SCAN = Topic(
     ros_type="sensor_msgs/msg/LaserScan",
     struct=LaserScan,
     rate_hz=10.0,
-    about="simulated lidar; nothing drives by it",
+    about="lidar, where the robot has one",
 )
 POLE_FIX_VELOCITY = Topic(
     name="/pole/fix_velocity",

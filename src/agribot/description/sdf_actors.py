@@ -10,13 +10,14 @@ from agribot.core.messages import FloatArray
 from agribot.core.robot import Shape
 from agribot.core.world import Walker, Waypoint
 from agribot.description.elements import SourceFile
+from agribot.description.package import ROOT
 from agribot.description.poses import extract_yaw, read_pose
 from agribot.description.sdf_library import ModelLibrary
 from agribot.description.sdf_models import qualify_tag, read_parts
 
 PERSON = "person_walking"
 MOST_WAYPOINTS = 10_000
-FIGURES = ("person_walking", "person_standing", "dog", "hare")
+FIGURES = ("person_walking", "person_standing", "person_kneeling", "dog", "hare", "crate")
 
 
 def read_walkers(
@@ -89,6 +90,15 @@ def _read_figure(
     if not shapes:
         raise source.fail(where, f"model '{kind}' has no parts; choose another figure")
     return shapes
+
+
+def load_figure(kind: str) -> tuple[Shape, ...]:
+    """Load the parts of a packaged figure.
+
+    Raises: DescriptionError: there is no such model.
+    """
+    folder = ROOT / "models"
+    return _read_figure(kind, SourceFile(str(folder)), ModelLibrary(folder / kind), "figure")
 
 
 def _is_true(script: ET.Element, tag: str, source: SourceFile, where: str) -> bool:

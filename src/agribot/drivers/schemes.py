@@ -25,7 +25,7 @@ from agribot.drivers.ntrip import check_no_login
 Opened = TypeVar("Opened")
 BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
 CAN = "can"  # scheme of motor boards alone
-_SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
+_SENSOR_OF: dict[str, Sensor] = {"camera": "frames", "scan": "scans"}  # settings name it for people
 
 
 class SourceUri(NamedTuple):

@@ -202,6 +202,29 @@ class CrushReport(msgspec.Struct, frozen=True, kw_only=True):
     when: CrushedWhen
 
 
+class VisitReport(msgspec.Struct, frozen=True, kw_only=True):
+    """An encounter with a figure that stepped into the way of a simulated robot.
+
+    It was aimed at `ahead_m` from the robot's front, at `speed_mps`, and stayed for `stays_s`.
+    `robot_mps` is the robot's speed as it began, `nearest_m` the smallest distance between the
+    outlines, `stood_m` that at which the robot came to stand, null where it did not. `touched_mps`
+    is the robot's speed at the first touch, null without one, and `touched_ahead_m` how far ahead
+    of the robot's middle that of the figure was then.
+    """
+
+    figure: str
+    begin_s: float
+    end_s: float
+    ahead_m: float
+    speed_mps: float
+    stays_s: float
+    robot_mps: float
+    nearest_m: float
+    stood_m: float | None = None
+    touched_mps: float | None = None
+    touched_ahead_m: float | None = None
+
+
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     """`noticed` are the faults that the robot reported, `faults` those that were injected.
 
@@ -215,7 +238,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     `interventions` are the stops, pauses and questions that only a person could end;
     `km_per_intervention` is null where there were none. The way is the true one, or on a real
     robot the way that it believes to have driven. `dropouts` are the short silences by part, whose
-    names are those of the fact `comes_and_goes`, of this run alone.
+    names are those of the fact `comes_and_goes`, of this run alone. `waits_for_obstacles`
+    counts how often it stood because something was in its way.
     """
 
     stops: tuple[SafetyEvent, ...] = ()
@@ -233,6 +257,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     interventions: tuple[SafetyEvent, ...] = ()
     km_per_intervention: float | None = None
     dropouts: dict[ComingAndGoing, Dropouts] | None = None
+    waits_for_obstacles: int = 0
+    visits: tuple[VisitReport, ...] = ()
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -46,6 +46,7 @@ from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
+from agribot.sim.visitors import Encounter, VisitLog
 from agribot.sim.walkers import PersonWatch
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ class SimPlatform:
         self._damage = PlantDamage(robot, world, self._plants, self._physics.ground)
         self._implement = fit_effect(robot.implement, world, robot.base_height_m)
         self._treated_s = 0.0
-        self._persons = PersonWatch(robot, world)
+        self._persons, self._visit_log = PersonWatch(robot, world), VisitLog(robot, world.walkers)
         count = config.sim.contactors
         self._contactors = SimContactors(count) if count else None
         self.inbox = Inbox()
@@ -269,6 +270,11 @@ class SimPlatform:
         """Smallest distance of the robot's outline to a person's; None without a person."""
         return self._persons.least_m
 
+    @property
+    def visits(self) -> tuple[Encounter, ...]:
+        """What became of those who stepped into the robot's way."""
+        return self._visit_log.visits
+
     def find_touched(self) -> str | None:
         """Return the name of the obstacle or walker that the robot touches, None if none."""
         return self._physics.find_touched()
@@ -348,6 +354,8 @@ class SimPlatform:
         if self._persons.has_persons:
             truth = self.truth()
             self._persons.update(end_s, truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        if self._visit_log.has_visitors:
+            self._visit_log.update(self.truth())
         if end_s - self._treated_s >= TREATED_EVERY_S:
             self._treated_s = end_s
             self._note_treated()

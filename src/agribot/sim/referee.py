@@ -41,6 +41,7 @@ from agribot.sim.scores import (
 from agribot.sim.true_weeds import TrueWeeds
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
+from agribot.sim.visitors import Encounter
 from agribot.sim.weed_reasons import PlantsOnMap
 
 # Distance within which a row counts as driven: farther off, the wheels come near the plants.
@@ -60,6 +61,8 @@ class TruthSource(Protocol):
     def plants(self) -> PlantStates: ...
     @property
     def person_distance_min_m(self) -> float | None: ...
+    @property
+    def visits(self) -> tuple[Encounter, ...]: ...
     def restore_plants(self, crushed_by: Mapping[int, Part], treated: Sequence[int]) -> None: ...
     @property
     def treated(self) -> dict[int, float]: ...
@@ -197,7 +200,10 @@ class Referee:
 
     def score_safety(self) -> SafetyScore:
         score = self._safety.score(self.crushed, self._list_crushes())
-        return msgspec.structs.replace(score, person_distance_min_m=self._find_person_distance_m())
+        return msgspec.structs.replace(
+            score, person_distance_min_m=self._find_person_distance_m(),
+            visits=self._source.visits,
+        )  # fmt: skip
 
     def __call__(self, record: TickRecord) -> None:
         truth = self._source.truth()

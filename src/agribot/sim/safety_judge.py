@@ -14,6 +14,7 @@ from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import project_on_row
 from agribot.sim.field_edge import FieldEdge
 from agribot.sim.truth import Truth
+from agribot.sim.visitors import Encounter
 
 MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1
@@ -48,6 +49,7 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
     crushes: tuple[Crush, ...] = ()
     stood_s: tuple[float, ...] = ()
     person_distance_min_m: float | None = None  # between outlines; None without a person
+    visits: tuple[Encounter, ...] = ()  # those of this run alone
 
 
 class SafetyState(msgspec.Struct, frozen=True, kw_only=True):

@@ -106,7 +106,7 @@ class PersonWatch:
             places, self._outlines, away_m, self._reach_m, strict=True
         ):
             if distance_m <= nearest_m + FAR_M and distance_m - reach_m <= closer_m:
-                gap_m = _measure_gap_m((x_m, y_m, yaw_rad), self._own, place, outline)
+                gap_m = measure_gap_m((x_m, y_m, yaw_rad), self._own, place, outline)
                 self.least_m = gap_m if self.least_m is None else min(self.least_m, gap_m)
 
 
@@ -118,7 +118,7 @@ def _measure_reach_m(outline: Outline) -> float:
     return math.hypot(abs(outline.x_m) + outline.half_x_m, abs(outline.y_m) + outline.half_y_m)
 
 
-def _measure_gap_m(place: Place, own: Outline, other: Place, outline: Outline) -> float:
+def measure_gap_m(place: Place, own: Outline, other: Place, outline: Outline) -> float:
     """Return the distance between two rectangles; two that cross have none.
 
     Of two convex outlines that are apart, a corner of one is nearest.

@@ -11,7 +11,7 @@ import pytest
 
 from agribot.autonomy.control.camera_watch import CameraWatch
 from agribot.autonomy.control.gate_machine import STATES
-from agribot.autonomy.control.hazards import CHECKS, HAZARDS, OF_BOARD
+from agribot.autonomy.control.hazards import CHECKS, HAZARDS, LIDAR, OF_BOARD
 from agribot.core.config import SafetyConfig
 from agribot.core.facts import (
     CameraLate,
@@ -59,7 +59,7 @@ from tests.autonomy.control.test_supervisor import FORWARD, Gate, assert_stopped
 from tests.finding import holds, is_like
 
 AHEAD = DriveCommand(v_mps=0.4)
-CHECKS_OF_A_BARE_ROBOT = tuple(name for name in CHECKS if name not in ("camera", *OF_BOARD))
+CHECKS_OF_A_BARE_ROBOT = tuple(name for name in CHECKS if name not in ("camera", LIDAR, *OF_BOARD))
 NO_PIXELS = np.zeros((0, 0, 3), np.uint8)
 
 

@@ -11,19 +11,22 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.core.errors import BridgeError
+from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.messages import (
     WHEEL_NAMES,
     CameraFrame,
     GnssFix,
     GnssQuality,
     ImuSample,
+    LaserScan,
     MagSample,
     WheelSample,
 )
 from agribot.core.stamp_clock import StampClock
+from agribot.description.lidar import fit_lidar
 from agribot.description.loader import load_robot
 from agribot.ros.messages import rosmsg
+from agribot.ros.messages.device_rosmsg import make_laser_scan as rosmsg_of_scan
 from agribot.ros.messages.rosmsg import to_seconds
 from agribot.ros.messages.sensor_readers import make_readers
 from agribot.ros.messages.transforms import find_wheel_joints
@@ -35,6 +38,26 @@ ROBOT = load_robot("agribot")
 
 def read(sensor: Any, message: Any, t_s: float = 7.25, robot: Any = ROBOT) -> Any:
     return make_readers(sensor, robot)[message.__msgtype__](message, t_s)
+
+
+def test_a_scan_that_went_out_comes_in_the_same_and_names_what_is_too_near_or_did_not_return() -> (
+    None
+):
+    sent = LaserScan(t_s=7.25, min_angle_rad=-1.0, step_rad=0.5, range_min_m=0.15, range_max_m=8.0,
+                     period_s=0.1, ranges_m=np.array([2.0, np.inf, -np.inf, np.nan]))  # fmt: skip
+    robot = fit_lidar(ROBOT)
+    message = rosmsg_of_scan(sent, "laser_link")
+    got = read("scans", message, robot=robot)
+    assert got.ranges_m.tolist() == pytest.approx(sent.ranges_m.tolist(), nan_ok=True)
+    assert (got.t_s, got.min_angle_rad, got.step_rad) == (7.25, -1.0, 0.5)
+    message.ranges = np.array([0.0, 0.1, 9.0], dtype=np.float32)
+    told = read("scans", message, robot=robot).ranges_m.tolist()
+    assert told == [math.inf, -math.inf, math.inf], "0 by many drivers, too near, too far"
+    message.angle_increment = math.nan
+    with pytest.raises(BridgeError, match="is no scan"):
+        read("scans", message, robot=robot)
+    with pytest.raises(ConfigError, match="description has no lidar"):
+        make_readers("scans", ROBOT)
 
 
 @pytest.mark.parametrize(

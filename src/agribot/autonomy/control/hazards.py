@@ -16,6 +16,7 @@ from agribot.autonomy.control.bumper import Bumper
 from agribot.autonomy.control.fence import Fence, FieldFence
 from agribot.autonomy.control.input_watch import InputWatch
 from agribot.autonomy.control.keep_out_fence import KeepOutFence
+from agribot.autonomy.control.obstacle_zone import ObstacleZone
 from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import Found
@@ -70,6 +71,7 @@ class Situation(NamedTuple):
     bumper: Bumper
     touch: Fact | None
     battery: BatteryWatch
+    obstacles: ObstacleZone
     camera_fault: Fact | None
     has_camera: bool  # pictures came at least once
     fences: tuple[Fence, ...]
@@ -225,6 +227,9 @@ HAZARDS = (
            limit="`safety.empty_charge_ratio`, `safety.empty_battery_v`", reaction="latch",
            for_hand="until cleared", kind="battery", find=lambda now: now.battery.empty,
            check="battery", faults=("battery.empty",)),
+    Hazard(name="lidar silent", seen_by="age of its newest scan",
+           limit="`safety.sensor_timeout_s`", reaction="latch", for_hand="until cleared",
+           kind="lidar", find=lambda now: now.obstacles.silence(now.batch.t_s), check="lidar"),
     Hazard(name="motor board reports a fault or restarted", seen_by="motor board",
            limit="any", reaction="latch", for_hand="until cleared", kind="board",
            find=lambda now: now.inputs.fault, check="motors",
@@ -276,6 +281,8 @@ HAZARDS = (
     Hazard(name="safety input never reported", seen_by="motor board",
            limit="once, of each of `safety.must_report`", reaction="wait", for_hand="yes",
            find=lambda now: now.inputs.unheard(), check="safety inputs"),
+    Hazard(name="lidar never spoke", seen_by="its scans", limit="one scan", reaction="wait",
+           find=lambda now: now.obstacles.unheard(), check="lidar"),
     Hazard(name="motors without power", seen_by="contactor",
            limit="until the wheels stood for 0.5 s after the stop was cleared", reaction="wait",
            for_hand="yes", find=lambda now: now.power.waiting()),
@@ -300,11 +307,17 @@ HAZARDS = (
            limit="`safety.fence_tolerance_m`, `safety.fence_sigma`, `safety.fence_single_sigma`, "
                  "`safety.geofence_margin_m`",
            reaction="wait", find=_beyond_fence, check="field"),
+    Hazard(name="person or thing in the way", seen_by="lidar, where the robot has one",
+           limit="`safety.obstacle_stop_m` along the way, 0.2 m beside the body",
+           reaction="wait", find=lambda now: now.obstacles.stop),
     Hazard(name="no mission runs", seen_by="mission", limit="-", reaction="wait",
            find=_mission_idle),
     Hazard(name="may be off its row", seen_by="protection level, by the mission",
            limit="clearance from wheels to crop", reaction="slow", find=None,
            faults=("gnss.drift", "imu.bias", "camera.mirrored")),
+    Hazard(name="person or thing near the way", seen_by="lidar, where the robot has one",
+           limit="`safety.obstacle_slow_m`, 1 m beside the body",
+           reaction="slow", find=None),
     Hazard(name="too fast", seen_by="the command",
            limit="`safety.max_speed_mps`, `safety.max_yaw_rate_radps`, the drive",
            reaction="slow", for_hand="yes", find=None),
@@ -380,6 +393,7 @@ _COUNTING = {
     for is_by_hand in (False, True)
 }
 CONTACTOR = "contactor"
+LIDAR = "lidar"
 OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can report
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {
@@ -392,6 +406,7 @@ def check_start(now: Situation) -> tuple[Check, ...]:
     """Go through the list before the first motion; what the robot does not have is no item."""
     checks = []
     absent = (() if now.has_camera else ("camera",)) + (() if now.inputs.is_there else OF_BOARD)
+    absent += () if now.obstacles.is_there else (LIDAR,)
     for name in CHECKS:
         if name in absent:
             continue

@@ -16,6 +16,7 @@ from agribot.autonomy.control.fence import Fence, FieldFence, PathFence
 from agribot.autonomy.control.gate_machine import GateMachine, Seen
 from agribot.autonomy.control.hazards import Situation, check_start, find_hazard
 from agribot.autonomy.control.input_watch import InputWatch
+from agribot.autonomy.control.obstacle_zone import ObstacleZone
 from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.progress_watch import ProgressWatch
 from agribot.autonomy.control.sensor_watch import SensorWatch
@@ -31,6 +32,7 @@ from agribot.core.facts import (
     YawRateLimited,
 )
 from agribot.core.field_bounds import FieldBounds
+from agribot.core.keep_out import BodyBox
 from agribot.core.latch import Latch
 from agribot.core.messages import (
     STOP,
@@ -52,6 +54,7 @@ CHECK_AFTER_S = 5.0
 SHOWN_EXCESS = 0.01  # m/s or rad/s over a limit, the least for which two decimals differ
 # Least braking that a pause must show, as a share of the drive's acceleration.
 PAUSE_BRAKE_RATIO = 0.5
+NO_BODY = BodyBox(0.0, 0.0, 0.0)
 
 
 class Supervisor:
@@ -68,12 +71,15 @@ class Supervisor:
         robot: RobotSpec,
         latch: Latch | None = None,
         keep_out: Fence | None = None,
+        obstacles: ObstacleZone | None = None,
     ) -> None:
         """`latch` is shared with the mission, which pauses while it holds.
 
-        `keep_out` is a fence that stands on every way.
+        `keep_out` is a fence that stands on every way, `obstacles` is what a robot with a sensor
+        of obstacles watches.
         """
         self._always: tuple[Fence, ...] = () if keep_out is None else (keep_out,)
+        self._obstacles = obstacles or ObstacleZone(config, NO_BODY, must_report=False)
         self._config = config
         self._latch = Latch() if latch is None else latch
         self._fenced: tuple[Path | None, FieldBounds | None] = None, None
@@ -114,6 +120,11 @@ class Supervisor:
         """Cause that calls the robot home, though it may still drive; None without one."""
         return self._battery.low
 
+    @property
+    def in_way(self) -> Fact | None:
+        """The person or thing that the mission waits for; None where its way is free."""
+        return self._obstacles.stop
+
     def check(
         self,
         command: RobotCommand,
@@ -142,7 +153,7 @@ class Supervisor:
             drive = STOP
             reason = (stopped or held) if _moves(command) else None
         else:
-            drive, limited = self._limit(self._bumper.away(command.drive))
+            drive, limited = self._slow_down(self._bumper.away(command.drive), is_by_hand)
             drive = self._ramp(drive, self._ramp_s(goal.status, is_by_hand=is_by_hand))
             reason = limited or self._held_back(command.drive)
         warning, alarm = self._find_warning(now)
@@ -225,6 +236,7 @@ class Supervisor:
         self._inputs.update(batch)
         self._battery.update(batch)
         self._camera.update(batch, scenes)
+        self._obstacles.update(batch, estimate, goal)
         is_held = self._progress.stays_behind(batch.t_s)
         motion = self._wheels.watch(
             self.sent, batch, self._sensors.dt_s, is_held=is_held,
@@ -241,7 +253,8 @@ class Supervisor:
             motion=motion, power=self._power,
             stuck=self.stuck,
             bumper=self._bumper, touch=self._bumper.feel(batch),
-            battery=self._battery, camera_fault=self._camera.fault,
+            battery=self._battery, obstacles=self._obstacles,
+            camera_fault=self._camera.fault,
             has_camera=self._camera.is_used, fences=(*self._fences, *self._always),
             works_backwards=self._works_backwards,
             is_tool_working=is_early and self._is_tool_working,
@@ -286,6 +299,17 @@ class Supervisor:
     def _held_back(self, wanted: DriveCommand) -> OnlyAway | None:
         """Why a hand does not get what it asked for."""
         return None if self._bumper.away(wanted) == wanted else OnlyAway(self._bumper.ends)
+
+    def _slow_down(self, drive: DriveCommand, is_by_hand: bool) -> tuple[DriveCommand, Fact | None]:
+        """Keep within the limits, and drive slowly near people and things; a hand sees them."""
+        near, most_mps = self._obstacles.slow, self._obstacles.most_mps
+        if is_by_hand or near is None or abs(drive.v_mps) <= most_mps:
+            return self._limit(drive)
+        ratio = most_mps / abs(drive.v_mps)
+        slower = DriveCommand(
+            v_mps=drive.v_mps * ratio, yaw_rate_radps=drive.yaw_rate_radps * ratio
+        )
+        return self._limit(slower)[0], near
 
     def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, Fact | None]:
         """Slow down along the same curve when a limit is passed.

@@ -75,6 +75,7 @@ from agribot.core.facts import (
     NoPlaces,
     NothingPlanned,
     NotResumed,
+    ObstacleStays,
     OnErrandOf,
     OnVisit,
     PausedBy,
@@ -155,6 +156,7 @@ class Mission:
         self._watch, self._recovery = Watch(config), RowRecovery()
         self._freeing = Freeing()
         self._stuck: Fact | None = None
+        self._in_way: Fact | None = None
         self._new_tasks = new_tasks
         self._last: Estimate | None = None
         self._is_located = False
@@ -259,6 +261,10 @@ class Mission:
             return
         errand = make_free_errand(self._freeing.trail, back_m)
         self._stop_for(errand, StopsToBackOut(stuck, "free"))
+
+    def wait_for(self, in_way: Fact | None) -> None:
+        """Wait for a person or thing in the way, as the gate says; None: the way is free."""
+        self._in_way = in_way
 
     @property
     def _frees_itself(self) -> bool:
@@ -659,7 +665,9 @@ class Mission:
         if self._state is not state:
             return
         stalled = self._watch.check_headway(route, estimate.t_s, reason)
-        if stalled and self._watch.is_guarding:
+        if stalled and self._in_way is not None:
+            self._pause(ObstacleStays(stalled.limit_s, self._in_way), by_itself=True)
+        elif stalled and self._watch.is_guarding:
             self._pause(stalled, by_itself=True)
         elif stalled:
             self._end("failed", stalled)

@@ -11,16 +11,16 @@ import msgspec
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
                "bumper", "button", "contactor", "battery", "clock", "link", "disk", "start",
-               "robot", "crop", "inputs", "program"]  # fmt: skip
+               "robot", "crop", "inputs", "program", "lidar"]  # fmt: skip
 # note: nothing is wrong; warning: the robot goes on; fault: it must not, or not by itself.
 Severity = Literal["note", "warning", "fault"]
 Wheel = Literal["right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F"]
 Side = Literal["left", "right"]
 Where = Literal["left", "right", "ahead", "behind"]
 End = Literal["front", "behind"]  # ends of the robot
-Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall silent
+Unspoken = Literal["wheels", "imu", "gnss", "compass", "lidar"]  # a sensor that may fall silent
 Motion = Literal["stand", "backwards", "fast", "slow"]  # motions of wheels, against their command
-Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
+Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels", "lidar"]
 
 # A sensor, a board, the program or the encoder of one wheel may be silent for moments.
 ComingAndGoing = Literal["gnss", "compass", "imu", "wheels", "camera", "board", "contactor",

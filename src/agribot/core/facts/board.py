@@ -269,3 +269,28 @@ class OnlyAway(Fact, frozen=True):
 
     about: ClassVar[tuple[Part, ...]] = ("bumper",)
     ends: tuple[End, ...]
+
+
+class _OfObstacle(Fact, frozen=True):
+    """A person or a thing, and the way until the robot would touch it."""
+
+    way_m: float
+
+
+class ObstacleInWay(_OfObstacle, frozen=True):
+    """Something is in the way; the robot waits until it is free."""
+
+    severity: ClassVar[Severity] = "warning"
+
+
+class ObstacleNearWay(_OfObstacle, frozen=True):
+    """Something is near the way, or in it farther on; the robot drives slowly."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class ObstacleStays(Fact, frozen=True):
+    """Something stays in the way; a person has to look."""
+
+    waited_s: float
+    cause: AnyFact

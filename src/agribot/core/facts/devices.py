@@ -8,7 +8,7 @@ from agribot.core.facts.base import ComingAndGoing, Fact, Part, Severity
 
 _SOURCES: dict[str, Part] = {
     "gnss": "gnss", "imu": "imu", "mag": "compass", "wheels": "wheels", "frames": "camera",
-    "contactor": "contactor",
+    "contactor": "contactor", "scans": "lidar",
 }  # fmt: skip
 
 

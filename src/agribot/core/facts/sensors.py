@@ -7,7 +7,7 @@ from typing import ClassVar
 from agribot.core.facts.base import Check, Fact, Part, Severity, Unspoken
 
 _UNSPOKEN: dict[str, Part] = {
-    "wheels": "wheels", "imu": "imu", "gnss": "gnss", "compass": "compass",
+    "wheels": "wheels", "imu": "imu", "gnss": "gnss", "compass": "compass", "lidar": "lidar",
 }  # fmt: skip
 
 

@@ -201,6 +201,19 @@ class LaserScan(msgspec.Struct, frozen=True, kw_only=True):
     ranges_m: FloatArray
 
 
+class ObstacleSample(msgspec.Struct, frozen=True, kw_only=True):
+    """The nearest things around the robot that one sensor sees above the ground and the crop.
+
+    `points_body_m` are x and y in the body frame, one for each direction in which there is
+    something; `std_m` is their 1 sigma. A sensor that works and sees nothing has no points.
+    """
+
+    t_s: float
+    sensor: Literal["lidar"]
+    std_m: float
+    points_body_m: tuple[tuple[float, float], ...] = ()
+
+
 class BumperSample(msgspec.Struct, frozen=True, kw_only=True):
     """The robot touches something, here in the body frame; one sample per tick of contact."""
 
@@ -292,6 +305,7 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     gnss_status: tuple[GnssStatus, ...] = ()
     contactor: tuple[ContactorSample, ...] = ()
     scans: tuple[LaserScan, ...] = ()
+    obstacles: tuple[ObstacleSample, ...] = ()
 
 
 def join_batches(batches: Sequence[SensorBatch]) -> SensorBatch:

@@ -21,7 +21,7 @@ from agribot.record.report import Report
 
 # Lists that a table of numbers shows by their length.
 COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "safety.checks",
-           "safety.crushes", "safety.interventions")  # fmt: skip
+           "safety.crushes", "safety.interventions", "safety.visits")  # fmt: skip
 Value = str | int | float | bool | None
 
 

@@ -24,6 +24,7 @@ from agribot.core.messages import (
     GnssFix,
     GnssQuality,
     ImuSample,
+    LaserScan,
     MagSample,
     Vec3,
     WheelSample,
@@ -40,7 +41,7 @@ from agribot.ros.messages.gps_types import (
 )
 from agribot.ros.messages.wheel_readers import JointReader, TwistReader
 
-Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame
+Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame | LaserScan
 ReadSample = Callable[[Any, float], Sample | None]
 
 # Quality and 1 sigma (m) of a receiver without a covariance, by NavSatStatus.
@@ -80,6 +81,13 @@ def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
             "sensor_msgs/msg/JointState": JointReader(robot),
             "nav_msgs/msg/Odometry": TwistReader(robot.drive),
         }
+    if sensor == "scans":
+        if robot.lidar is None:
+            raise ConfigError(
+                "scan: the robot's description has no lidar, so that its place is not known; add a "
+                '<sensor type="ray"> on its link'
+            )
+        return {"sensor_msgs/msg/LaserScan": read_scan}
     if sensor == "others":
         raise ConfigError("others: no type of ROS message stands for them; write a source for it")
     if sensor == "contactor":
@@ -142,6 +150,24 @@ def read_mag(vector: Any, t_s: float) -> MagSample:
             "needs; take the topic of a magnetometer with three"
         )
     return MagSample(t_s=t_s, field_t=_read_finite(vector, "field"))
+
+
+def read_scan(message: Any, t_s: float) -> LaserScan:
+    """Read a LaserScan, whose ranges out of its own limits are as REP-117 says.
+
+    By many drivers 0 is a ray that did not come back.
+    """
+    limits = float(message.range_min), float(message.range_max)
+    angles = float(message.angle_min), float(message.angle_increment)
+    ranges_m = np.array(message.ranges, dtype=float)
+    if not math.isfinite(sum(limits) + sum(angles)) or not len(ranges_m):
+        raise BridgeError(f"a scan of {len(ranges_m)} rays with {limits} and {angles} is no scan")
+    ranges_m[(ranges_m > limits[1]) | (ranges_m == 0.0)] = np.inf
+    ranges_m[ranges_m < limits[0]] = -np.inf
+    return LaserScan(
+        t_s=t_s, min_angle_rad=angles[0], step_rad=angles[1], range_min_m=limits[0],
+        range_max_m=limits[1], period_s=float(message.scan_time), ranges_m=ranges_m,
+    )  # fmt: skip
 
 
 class ImageReader:
