@@ -57,7 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_recipe_options(parser.add_argument_group("how it learns"))
     add_drawn_options(parser.add_argument_group("drawn images"))
-    _add_photographs(parser.add_argument_group("photographs"))
+    photographs = parser.add_argument_group("photographs")
+    _add_photographs(photographs)
+    _add_mix(photographs)
 
 
 def _add_photographs(group: argparse._ArgumentGroup) -> None:
@@ -87,18 +89,38 @@ def _add_photographs(group: argparse._ArgumentGroup) -> None:
         "--train-width", type=int, default=512, help="px over which a photograph is trained on"
     )
     group.add_argument(
-        "--with-sim",
-        type=int,
-        default=0,
-        metavar="N",
-        help="a quarter of every batch from N drawn images",
-    )
-    group.add_argument(
         "--scores-from",
         type=Path,
         metavar="CARD.json",
         help="without --fold: card of the same recipe with a fold held out, to state its scores "
         "and take over how sure it is",
+    )
+
+
+def _add_mix(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--with",
+        dest="with_photographs",
+        action="append",
+        default=[],
+        metavar="KIND=FOLDER",
+        help="another folder to learn from as well, of a kind as of --data; that of --data-dir "
+        "gives two thirds of the photographs in a batch; may be repeated",
+    )
+    group.add_argument(
+        "--with-sim",
+        type=int,
+        default=0,
+        metavar="N",
+        help="N drawn images beside photographs; --front-images, --seedling-images and "
+        "--usual-images add theirs",
+    )
+    group.add_argument(
+        "--drawn-share",
+        type=finite,
+        default=0.25,
+        metavar="SHARE",
+        help="share of every batch from drawn images, where there are any (default: 0.25)",
     )
 
 
@@ -212,10 +234,22 @@ def _check(args: argparse.Namespace) -> None:
                 else "needs --data-dir"
             )
         )
+    _check_mix(args)
     if args.scores_from and (args.data == "sim" or args.fold is not None):
         raise ConfigError("--scores-from is for photographs without --fold: this training has none")
     _fill_in_names(args)
     check_recipe_options(args)
+
+
+def _check_mix(args: argparse.Namespace) -> None:
+    """Refuse photographs beside drawn images alone, and a share that leaves one of both out."""
+    if args.with_photographs and args.data == "sim":
+        raise ConfigError(
+            f"--with {args.with_photographs[0]}: adds to the photographs of --data-dir; give them "
+            "as --data and --data-dir, and drawn images as --with-sim N"
+        )
+    if not 0.0 < args.drawn_share < 1.0:
+        raise ConfigError(f"--drawn-share {args.drawn_share:g}: must be more than 0 and below 1")
 
 
 def _fill_in_names(args: argparse.Namespace) -> None:

@@ -39,6 +39,7 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         help="with --blend: begin at these weights instead, of another network of the same kind",
     )
     _add_weight_options(group)
+    _add_memory_options(group)
     group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
     group.add_argument("--batch-size", type=int, default=8, help="crops in a step")
     group.add_argument(
@@ -71,6 +72,22 @@ def _add_weight_options(group: argparse._ArgumentGroup) -> None:
         type=float,
         metavar="RATE",
         help="at its highest (default: 0.003; 0.0015 with imagenet, 0.001 with another start)",
+    )
+
+
+def _add_memory_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--keep-norms",
+        action="store_true",
+        help="with --start: normalisations keep the statistics that they begin with",
+    )
+    group.add_argument(
+        "--remember",
+        type=finite,
+        default=0.0,
+        metavar="WEIGHT",
+        help="with --start and photographs, of a network that finds plants: on drawn images it "
+        "learns its first answers as well, by this weight in the loss, such as 1 (default: 0)",
     )
 
 
@@ -114,7 +131,12 @@ def check_recipe_options(args: argparse.Namespace) -> None:
         raise ConfigError(
             f"--keep-classes: {args.model} learns nothing but classes; give --model agribot-plants"
         )
-    args.asked["keeps_classes"] = args.keep_classes
+    _check_memory(args)
+    args.asked |= {
+        "keeps_classes": args.keep_classes,
+        "keeps_norms": args.keep_norms,
+        "remembers": args.remember,
+    }
 
 
 def _check_blend(args: argparse.Namespace) -> None:
@@ -131,6 +153,24 @@ def _check_blend(args: argparse.Namespace) -> None:
         )
     if args.blend_with is not None and args.blend == 1.0:
         raise ConfigError("--blend-with: how far from there? give --blend SHARE, or leave both")
+
+
+def _check_memory(args: argparse.Namespace) -> None:
+    """Refuse to keep what a training does not begin with.
+
+    Raises: ConfigError: no weights, drawn images alone, or a network that finds no plants.
+    """
+    from agribot.lab.train.architectures import find_architecture
+
+    if args.keep_norms and args.start is None:
+        raise ConfigError("--keep-norms: keeps those of --start MODEL; give it, or leave both out")
+    if args.remember < 0.0:
+        raise ConfigError(f"--remember {args.remember:g}: must be 0 or more")
+    if args.remember and (args.data == "sim" or not find_architecture(args.model).finds_plants):
+        raise ConfigError(
+            f"--remember {args.remember:g}: is for photographs with drawn images beside them; give "
+            "--model agribot-plants --start agribot-plants and photographs, or leave it out"
+        )
 
 
 def _check_plants(args: argparse.Namespace) -> None:
@@ -179,6 +219,8 @@ def _format_options(args: argparse.Namespace, start: str) -> str:
     words += f"--blend {args.blend:g} " if args.blend < 1.0 else ""
     words += f"--blend-with {Path(args.blend_with).name} " if args.blend_with else ""
     words += "--keep-classes " if args.keep_classes else ""
+    words += "--keep-norms " if args.keep_norms else ""
+    words += f"--remember {args.remember:g} " if args.remember else ""
     if args.validate != (VALIDATION_VIEWS if args.data == "sim" else 0):
         words += f"--validate {args.validate} "
     return words
@@ -280,7 +322,8 @@ def check_drawn_options(args: argparse.Namespace) -> None:
             f"--with-sim {args.with_sim}: a number of images to add to photographs; leave it out "
             "with --data sim"
         )
-    if args.usual_images < 0 or (args.usual_images and args.variety == "standard"):
+    is_usual = args.data == "sim" and args.variety == "standard"
+    if args.usual_images < 0 or (args.usual_images and is_usual):
         raise ConfigError(
             f"--usual-images {args.usual_images}: a number of images to add to those of another "
             "--variety; leave it out with standard"

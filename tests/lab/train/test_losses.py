@@ -11,11 +11,13 @@ import torch
 
 from agribot.lab.train.losses import (
     IGNORED,
+    OF_ROWS,
     OVERLAP_LOSSES,
     dice_loss,
     generalised_dice_loss,
     iou_loss,
     lovasz_softmax,
+    mixed_loss,
     pooled_dice_loss,
     segmentation_loss,
     squared_dice_loss,
@@ -168,3 +170,16 @@ def test_the_sum_is_entropy_and_overlap(case: Case) -> None:
     )
     found = segmentation_loss(logits, case.target, weights, iou_loss)
     assert float(found) == pytest.approx(float(entropy + iou_loss(logits, case.target)), rel=1e-6)
+
+
+def test_crops_labelled_by_rows_are_weighed_by_weights_of_their_own() -> None:
+    torch.manual_seed(1)
+    logits, classes = torch.randn(3, 3, 8, 8), torch.randint(0, 3, (3, 16, 16))
+    classes[1, 0] = IGNORED
+    marked = classes.clone()
+    marked[1] = torch.where(classes[1] == IGNORED, IGNORED, classes[1] + OF_ROWS)
+    weights, row_weights = (1.0, 2.0, 0.6), (10.0, 1.0, 0.6)
+    found = mixed_loss(logits, marked, weights, row_weights, dice_loss)
+    others = segmentation_loss(logits[[0, 2]], classes[[0, 2]], weights)
+    rows = segmentation_loss(logits[1:2], classes[1:2], row_weights)
+    assert float(found) == pytest.approx(float(2.0 * others + rows) / 3.0, rel=1e-6)

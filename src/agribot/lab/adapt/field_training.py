@@ -27,7 +27,7 @@ from agribot.lab.train.fit import (
 from agribot.lab.train.loader import BatchSource
 from agribot.lab.train.networks import STRIDE_PX
 from agribot.lab.train.photo_batches import ALONG_ROWS, PhotoBatches
-from agribot.lab.train.photo_source import draw_plants, mix_with_plants
+from agribot.lab.train.photo_mixing import draw_plants, mix_with_plants
 from agribot.lab.train.photographs import Pair, PairFiles, read_pair
 from agribot.lab.train.start import recognise_architecture
 
@@ -113,8 +113,9 @@ class FieldTraining:
         if not has_stems:
             return photos
         drawn = argparse.Namespace(
-            with_sim=STEM_VIEWS, cache=None, out=self._folder, seed=self._seed, workers=0
-        )
+            with_sim=STEM_VIEWS, seedling_images=0, front_images=0, usual_images=0,
+            cache=None, out=self._folder, seed=self._seed, workers=0,
+        )  # fmt: skip
         return mix_with_plants(photos, draw_plants(drawn, progress), VIEWS_IN_BATCH, plan)
 
     def _count_steps(self, budget: Budget, batches: BatchSource, plan: TrainingPlan) -> int:

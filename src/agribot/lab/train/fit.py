@@ -24,7 +24,8 @@ from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.cpu_meter import CpuMeter
 from agribot.lab.train.judged_figures import FIGURES
 from agribot.lab.train.loader import BatchLoader, BatchSource
-from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
+from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, mixed_loss, segmentation_loss
+from agribot.lab.train.memory import FirstAnswers, keep_norms
 from agribot.lab.train.plant_loss import joint_loss
 from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.processes import TrainingGroup
@@ -60,6 +61,7 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     judge_every: int = 250
     model: str = "agribot-sim"
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
+    row_weights: tuple[float, float, float] | None = None  # class weights of labels from rows
     # Method that made the weights from the labels; empty: they were given.
     class_weighting: str = ""
     overlap_loss: str = "dice"
@@ -67,6 +69,8 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     start: str = ""  # weights to begin with: name and start of the SHA-256, or imagenet
     data: str = ""  # name of the photographs: another fold must not go on in the same folder
     keeps_classes: bool = False  # whether only the stems of a network that finds plants learn
+    keeps_norms: bool = False  # whether normalisations keep the statistics that they begin with
+    remembers: float = 0.0  # weight of the first answers on drawn images, 0: they do not count
 
     def rate_at(self, step: int) -> float:
         """Compute the rate: linear warm-up, then a cosine to 0.5 % of the top rate."""
@@ -116,6 +120,7 @@ class Trainer:
             start_from(start, self.network, self._features(images.to(self._crew.device)))
         if plan.keeps_classes and isinstance(self.network, PlantNet):
             self.network.keep_classes()
+        self._first = FirstAnswers(self.network) if plan.remembers else None
         self.average = copy.deepcopy(self.network).eval()
         self._together = self._crew.average_gradients(self.network)
         self._optimiser = torch.optim.AdamW(
@@ -139,6 +144,8 @@ class Trainer:
 
     def _go_on(self, progress: Progress) -> None:
         self._together.train()
+        if self.plan.keeps_norms:
+            keep_norms(self.network)
         while self.step < self.plan.steps:
             loss = self.advance()
             self._note(loss)
@@ -178,7 +185,11 @@ class Trainer:
         x = self._features(images.to(device)).contiguous(memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16, enabled=self.plan.bf16):
             answer = self._together(x)
-        loss = self._compute_loss(answer, truth.to(device))
+        truth = truth.to(device)
+        loss = self._compute_loss(answer, truth)
+        if self._first is not None:
+            forgotten = self._first.lose(x, answer, truth, bf16=self.plan.bf16)
+            loss = loss + self.plan.remembers * forgotten
         self._optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_LIMIT)
@@ -191,7 +202,10 @@ class Trainer:
         overlap = OVERLAP_LOSSES[self.plan.overlap_loss]
 
         def lose(logits: Tensor, label: Tensor) -> Tensor:
-            return segmentation_loss(logits, label, self.plan.class_weights, overlap)
+            weights, row_weights = self.plan.class_weights, self.plan.row_weights
+            if row_weights is None:
+                return segmentation_loss(logits, label, weights, overlap)
+            return mixed_loss(logits, label, weights, row_weights, overlap)
 
         if isinstance(answer, tuple):
             logits, maps = answer

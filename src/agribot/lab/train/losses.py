@@ -14,6 +14,8 @@ from agribot.lab.train.network import CLASS_COUNT
 CLASS_WEIGHTS = (1.0, 1.0, 0.6)
 # Label of a pixel that does not count: above the horizon, or outside an augmented crop.
 IGNORED = 255
+# Added to the classes of crops whose labels come from drawn rows: they have weights of their own.
+OF_ROWS = 16
 
 
 def dice_loss(logits: Tensor, target: Tensor) -> Tensor:
@@ -142,6 +144,27 @@ def segmentation_loss(
     weights = torch.tensor(class_weights, device=logits.device)
     entropy = functional.cross_entropy(logits, target, weights, ignore_index=IGNORED)
     return entropy + overlap(logits, target)
+
+
+def mixed_loss(
+    logits: Tensor,
+    target: Tensor,
+    class_weights: tuple[float, float, float],
+    row_weights: tuple[float, float, float],
+    overlap: Callable[[Tensor, Tensor], Tensor] | None,
+) -> Tensor:
+    """Average the losses of crops labelled by rows and of all others, each by its own weights.
+
+    `target` (N, H, W) has classes, OF_ROWS added in crops labelled by rows.
+    """
+    shows_rows = ((target >= OF_ROWS) & (target != IGNORED)).flatten(1).any(dim=1)
+    classes = torch.where(target == IGNORED, target, target % OF_ROWS)
+    total = logits.sum() * 0.0
+    for chosen, weights in ((shows_rows, row_weights), (~shows_rows, class_weights)):
+        if chosen.any():
+            loss = segmentation_loss(logits[chosen], classes[chosen], weights, overlap)
+            total = total + loss * chosen.float().mean()
+    return total
 
 
 OVERLAP_LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor] | None] = {

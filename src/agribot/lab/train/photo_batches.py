@@ -73,7 +73,9 @@ class ScaledPictures:
         scales: npt.NDArray[np.float64],
         memory_bytes: int,
         rare: PlantClass = STRAIGHT_DOWN.rare,
+        stretch: float = 1.0,
     ) -> None:
+        self._stretch = stretch
         self._pairs, self._scales, self._memory_bytes = pairs, scales, memory_bytes
         self._rare = rare
         self._kept: OrderedDict[int, list[Level]] = OrderedDict()
@@ -93,7 +95,7 @@ class ScaledPictures:
                 self._kept.move_to_end(index)
                 return self._kept[index]
         pair = self._pairs[index]
-        levels = [_make_level(*pair, float(s), self._rare) for s in self._scales]
+        levels = [_make_level(*pair, (s * self._stretch, s), self._rare) for s in self._scales]
         with self._one_at_a_time:
             if index not in self._kept:  # else another thread has just read it
                 self._kept[index] = levels
@@ -106,8 +108,8 @@ class ScaledPictures:
 class PhotoBatches:
     """A source of batches; the same generator state gives the same batch.
 
-    `scale` is the network's input width over the width of the photographs. However little memory
-    there is, the batches are the same.
+    `scale` is the network's input width over the width of the photographs, `stretch` the scale of
+    their height over it. However little memory there is, the batches are the same.
     """
 
     def __init__(
@@ -118,13 +120,16 @@ class PhotoBatches:
         crop_px: int,
         memory_bytes: int = MEMORY_BYTES,
         view: View = STRAIGHT_DOWN,
+        stretch: float = 1.0,
     ) -> None:
         self.batch_size = batch_size
         self._view = view
         self.crop_px = crop_px
-        scales = np.minimum(1.0, scale * np.geomspace(*SCALE_RATIO, LEVELS) / FROM_LEVEL_RATIO[0])
-        scales = np.minimum(scales, scale * SCALE_RATIO[1])
-        self._pictures = ScaledPictures(pairs, scales, memory_bytes, view.rare)
+        # A picture smaller than the input is enlarged, as when the network runs.
+        largest = max(1.0, scale / FROM_LEVEL_RATIO[0])
+        scales = scale * np.geomspace(*SCALE_RATIO, LEVELS) / FROM_LEVEL_RATIO[0]
+        scales = np.minimum(np.minimum(largest, scales), scale * SCALE_RATIO[1])
+        self._pictures = ScaledPictures(pairs, scales, memory_bytes, view.rare, stretch)
         # A turned square must not reach over the edge of its window.
         self._window_px = int(np.ceil(crop_px * 1.2))
 
@@ -180,8 +185,13 @@ def _count_bytes(levels: list[Level]) -> int:
     return sum(part.nbytes for level in levels for part in level)
 
 
-def _make_level(image_rgb: ByteArray, label: ByteArray, scale: float, rare: PlantClass) -> Level:
-    height, width = (max(1, round(size * scale)) for size in label.shape)
+def _make_level(
+    image_rgb: ByteArray, label: ByteArray, scales: tuple[float, float], rare: PlantClass
+) -> Level:
+    """Scale a picture and its label by factors of the height and of the width."""
+    height, width = (
+        max(1, round(size * scale)) for size, scale in zip(label.shape, scales, strict=True)
+    )
     # Pillow's filter widens with the reduction: fine leaves do not alias.
     image = np.asarray(
         Image.fromarray(image_rgb).resize((width, height), Image.Resampling.BILINEAR)

@@ -154,14 +154,17 @@ def _format_command(args: argparse.Namespace) -> str:
     words = f" --model {args.model}" if find_architecture(args.model).finds_plants else ""
     words += f" --batch-size {args.batch_size}" if args.batch_size != BATCH_SIZE else ""
     words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
-    more = f"--usual-images {args.usual_images} " if args.usual_images else ""
-    more += f"--seedling-images {args.seedling_images} " if args.seedling_images else ""
-    more += f"--front-images {args.front_images} " if args.front_images else ""
     return (
         f"agribot train --data sim --variety {args.variety}{words} --images {args.images} "
-        f"--row-images {args.row_images} --turn-images {args.turn_images} {more}"
+        f"--row-images {args.row_images} --turn-images {args.turn_images}{format_further(args)} "
         f"--test-images {args.test_images}"
     )
+
+
+def format_further(args: argparse.Namespace) -> str:
+    """Return the options of further drawn images, each with a space before it."""
+    asked = {name: getattr(args, f"{name}_images") for name in ("usual", "seedling", "front")}
+    return "".join(f" --{name}-images {count}" for name, count in asked.items() if count)
 
 
 def _make_view_judge(args: argparse.Namespace, sets: list[tuple[DataSet, int]]) -> Judge | None:
@@ -180,11 +183,14 @@ def _count_training(args: argparse.Namespace) -> dict[str, int]:
         "train-rows": args.row_images,
         "train-turns": args.turn_images,
     }
-    if args.seedling_images:
-        own["train-seedlings"] = args.seedling_images
-    if args.front_images:
-        own["train-front"] = args.front_images
-    return own | _halve("train-usual", args.usual_images)
+    return own | count_further(args)
+
+
+def count_further(args: argparse.Namespace) -> dict[str, int]:
+    """Count the images drawn beside those of a variety, by set; empty sets are left out."""
+    own = {"train-seedlings": args.seedling_images, "train-front": args.front_images}
+    asked = {name: count for name, count in own.items() if count}
+    return asked | _halve("train-usual", args.usual_images)
 
 
 def _count_validation(args: argparse.Namespace) -> dict[str, int]:

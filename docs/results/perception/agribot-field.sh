@@ -1,0 +1,5 @@
+# Trainings of agribot-field, in this order. In the first, half of the crops of photographs came from
+# CRDLD, and labels from rows had the class weights 10, 1 and 0.6; the commands give other weights.
+# A script then raised the logit of weed by 0.74.
+agribot train --data rows --data-dir CRDLD --with cwfid=CWFID --with folder=CARROTS --with-sim 200 --front-images 80 --seedling-images 40 --usual-images 36 --drawn-share 0.375 --batch-size 8 --crop-px 384 --model agribot-plants --start agribot-plants --train-width 640 --size 640x480 --class-weights 1,1,0.6 --learning-rate 0.0005 --keep-norms --remember 1.5 --folds 5 --fold 0 --steps 900 --seed 0 --threads 1 --name agribot-field --out FIELD-FIRST
+agribot train --data rows --data-dir CRDLD --with cwfid=CWFID --with folder=CARROTS --with-sim 200 --front-images 80 --seedling-images 40 --usual-images 36 --batch-size 8 --crop-px 384 --model agribot-plants --start FIELD-FIRST/agribot-field.onnx --blend 0.3 --train-width 640 --size 640x480 --class-weights 1,1,0.6 --learning-rate 0.001 --remember 2 --folds 5 --fold 0 --steps 550 --seed 0 --threads 1 --name agribot-field --out FIELD
