@@ -11,6 +11,7 @@ from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.caution import (
     CREEP_RATIO,
     PATIENCE_S,
+    WAIT_S,
     CropGuard,
     across_std_m,
     caution_ratio,
@@ -136,6 +137,22 @@ def test_without_a_camera_and_corrections_it_stands_at_the_limit_until_a_person_
     assert guard.ratio == CREEP_RATIO
 
 
+def test_without_a_camera_it_waits_for_its_fix_before_it_passes_plants_with_the_tool_off() -> None:
+    guard = CropGuard()
+    unsure = msgspec.structs.replace(
+        known(0.1, 0.1), quality=GnssQuality.RTK_FLOAT, across_protection_m=0.35,
+        across_unknown_m=0.35,
+    )  # fmt: skip
+    for t_s in (0.0, WAIT_S - 1.0):
+        assert guard.judge(msgspec.structs.replace(unsure, t_s=t_s), LIMIT_M)
+        assert guard.ratio == 0.0
+    assert guard.judge(msgspec.structs.replace(unsure, t_s=WAIT_S + 1.0), LIMIT_M) is None
+    assert guard.ratio == CREEP_RATIO
+    back = msgspec.structs.replace(unsure, t_s=WAIT_S + 2.0, across_protection_m=0.1)
+    assert guard.judge(back, LIMIT_M) is None
+    assert guard.may_work
+
+
 class Ride:
     """A mission over two rows of 4 m, its robot always where it should be."""
 
@@ -154,12 +171,13 @@ class Ride:
         contradiction: Fact | None = None,
         action: RequestWord | None = None,
         fact: Fact | None = None,
+        row_seen: bool | None = None,
     ) -> Goal:
         self.t_s += 0.02
         estimate = msgspec.structs.replace(
             at(*point_at(self.path, s_m), self.t_s, True),
             across_protection_m=level_m, protection_m=level_m, contradiction_fact=contradiction,
-            fact=fact,
+            fact=fact, row_seen=row_seen,
         )  # fmt: skip
         return self.mission.step(estimate, [event(action)] if action else [])
 
@@ -177,7 +195,7 @@ def test_a_mission_in_its_row_obeys_the_level_and_goes_on_by_itself() -> None:
     here_m = ride.in_row_m
     full = ride.drive_to(here_m)
     assert full.tool_on
-    creeping = ride.be_at(here_m, 0.4)
+    creeping = ride.be_at(here_m, 0.4, row_seen=True)
     assert not creeping.tool_on
     assert creeping.max_speed_mps == pytest.approx(CREEP_RATIO * full.max_speed_mps)
     standing = ride.be_at(here_m, 0.6)

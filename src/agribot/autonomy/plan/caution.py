@@ -24,6 +24,9 @@ LEAST_LIMIT_M = 0.2
 # fault but unsure, as after a turn on a slope, it creeps for longer, a plant's distance or two:
 # camera or corrections show its row only on the move.
 PATIENCE_S, MAX_RATIO = 10.0, 1.5
+# Time for which a robot without a camera stands first, s: ambiguities are fixed again by waiting,
+# and plants that it creeps past with the tool off stay unworked.
+WAIT_S = 50.0
 # Two solutions that agree are less than 2 sigma apart, and the level holds about 4: then at least
 # two thirds of it is mere ignorance.
 UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.66
@@ -56,7 +59,8 @@ class CropGuard:
     """Watches the protection level across the row while there is crop beside the wheels.
 
     Above the limit the tool is off and the robot creeps; it stands where the level stays there or
-    rises on, and goes on by itself once the level is back. `restart` when a person bids it go on:
+    rises on, and goes on by itself once the level is back. Without a camera it stands first: a fix
+    comes back by waiting. `restart` when a person bids it go on:
     it then creeps once more, whatever the level.
     """
 
@@ -84,6 +88,11 @@ class CropGuard:
             return None
         self._since_s = estimate.t_s if self._since_s is None else self._since_s
         lasts_s = estimate.t_s - self._since_s
+        if estimate.row_seen is None and not self._is_granted:
+            lasts_s -= WAIT_S
+        if lasts_s < 0.0:
+            self.ratio = 0.0
+            return MayBeOffRow(level_m, limit_m)
         is_unsure = estimate.across_unknown_m >= UNSURE_RATIO * level_m
         is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
         is_unsure = is_unsure and estimate.fact is None  # no sensor is known to fail
