@@ -72,6 +72,7 @@ COMMANDS = {
     "bench long": ("--km 0.05 --out {out}/long", "sim"),
     "bench ground": ("--soil firm", "sim"),
     "bench faults": ("--seeds 1 --out {out}/faults", "sim"),
+    "bench encounters": ("--seeds 1 --out {out}/encounters", "sim"),
     "bench perception": ("--frames 1", "train"),
     "bench closed-loop": ("--seconds 1", "sim"),
     "bench in-row": ("--seconds 1", "sim"),

@@ -15,6 +15,7 @@ from agribot.description.lidar import fit_lidar
 from agribot.description.sdf_actors import FIGURES, load_figure
 from agribot.sim.platform import SimPlatform
 from agribot.sim.truth import Truth
+from agribot.sim.visit_log import VisitLog
 from agribot.sim.visitors import (
     AHEAD_M,
     ASIDE_M,
@@ -22,7 +23,6 @@ from agribot.sim.visitors import (
     SPEEDS_MPS,
     Encounter,
     Plan,
-    VisitLog,
     Visitor,
     add_visitors,
     draw_plans,

@@ -46,7 +46,8 @@ from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
-from agribot.sim.visitors import Encounter, VisitLog
+from agribot.sim.visit_log import VisitLog
+from agribot.sim.visitors import Encounter
 from agribot.sim.walkers import PersonWatch
 
 if TYPE_CHECKING:

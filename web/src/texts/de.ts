@@ -739,6 +739,7 @@ export const names: Record<string, string> = {
   // The list before the start
   'red button': 'roter Taster',
   contactor: 'Schütz',
+  lidar: 'Lidar',
   clock: 'Uhr',
   'wheels and IMU': 'Räder und IMU',
   'safety inputs': 'Sicherheitseingänge',
