@@ -48,11 +48,11 @@ nightly: $(VENV)/.dev
 	  $(BIN)/python -m pytest $(WORKERS) $(AGAIN) $(NIGHTLY) $$(echo $$shard | tr + ' ') || failed=1; \
 	done; exit $$failed
 
-# Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): no test of these folders
-# depends on wording.
+# Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): what fails depends on
+# wording, and is not repeated with the texts.
 CODED := tests/autonomy tests/app tests/core tests/mission tests/ui
 facts-as-codes: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS) $(AGAIN) -p tests.facts_as_codes $(or $(TESTS),$(CODED))
+	$(BIN)/python -m pytest $(WORKERS) -p tests.facts_as_codes $(or $(TESTS),$(CODED))
 
 # While working: it proves less than `make test`.
 quick: $(VENV)/.dev
