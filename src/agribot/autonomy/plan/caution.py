@@ -60,7 +60,7 @@ class CropGuard:
 
     Above the limit the tool is off and the robot creeps; it stands where the level stays there or
     rises on, and goes on by itself once the level is back. Without a camera it stands first: a fix
-    comes back by waiting. `restart` when a person bids it go on:
+    comes back by waiting. `restart` when a person resumes it:
     it then creeps once more, whatever the level.
     """
 
