@@ -22,7 +22,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, CorrectionsCome
 from agribot.core.messages import DeviceNote, GnssFix, GnssQuality, GnssStatus
-from agribot.drivers import ntrip, rtcm
+from agribot.drivers import caster_login, ntrip, rtcm
 from agribot.drivers.corrections import CorrectionLink, CorrectionTiming
 from agribot.drivers.nmea import StampedFix, write_gga
 from agribot.record.replay import read_ticks
@@ -43,7 +43,7 @@ from tests.drivers.caster import (
 from tests.drivers.lines import Line, Opened, free_port, is_open, speak_ubx
 from tests.waiting import wait_for
 
-LOGIN = ntrip.CasterLogin("farmer", "s3cret")
+LOGIN = caster_login.CasterLogin("farmer", "s3cret")
 # The same waits as on a farm, only shorter.
 PATIENT = CorrectionTiming(gga_period_s=0.02, stall_s=600, first_wait_s=0.01, longest_wait_s=0.05)
 BRISK = PATIENT._replace(stall_s=0.4)
@@ -73,7 +73,7 @@ class Rover:
 
     @contextmanager
     def fed_by(
-        self, port: int, mount: str = "FARM", login: ntrip.CasterLogin | None = LOGIN,
+        self, port: int, mount: str = "FARM", login: caster_login.CasterLogin | None = LOGIN,
         timing: CorrectionTiming = PATIENT,
     ) -> Iterator[CorrectionLink]:  # fmt: skip
         caster = ntrip.Caster("127.0.0.1", port, mount)
@@ -443,18 +443,20 @@ def test_what_names_no_mountpoint_is_refused(text: str) -> None:
 
 
 def test_a_login_comes_from_the_environment_or_from_netrc(tmp_path: Path) -> None:
-    assert ntrip.find_login("caster.example", {}, tmp_path) is None
+    assert caster_login.find_login("caster.example", {}, tmp_path) is None
     file = tmp_path / ".netrc"
     file.write_text("machine caster.example login farmer password s3cret\n")
     file.chmod(0o600)
-    assert ntrip.find_login("caster.example", {}, tmp_path) == LOGIN
-    assert ntrip.find_login("other.example", {}, tmp_path) is None
-    told = {ntrip.LOGIN_VARIABLE: "me:a:b"}
-    assert ntrip.find_login("caster.example", told, tmp_path) == ntrip.CasterLogin("me", "a:b")
+    assert caster_login.find_login("caster.example", {}, tmp_path) == LOGIN
+    assert caster_login.find_login("other.example", {}, tmp_path) is None
+    told = {caster_login.LOGIN_VARIABLE: "me:a:b"}
+    assert caster_login.find_login("caster.example", told, tmp_path) == caster_login.CasterLogin(
+        "me", "a:b"
+    )
     assert "s3cret" not in repr(LOGIN) + str(LOGIN)
     file.write_text("s3cret login machine\n")
     with pytest.raises(ConfigError, match="line 1") as refusal:
-        ntrip.find_login("caster.example", {}, tmp_path)
+        caster_login.find_login("caster.example", {}, tmp_path)
     assert "s3cret" not in str(refusal.value)
 
 
@@ -479,7 +481,7 @@ def test_a_base_station_behind_a_real_caster_feeds_the_receivers_line(
     line: Line, opened: Opened, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     base_port, port = free_port(), free_port()
-    monkeypatch.setenv(ntrip.LOGIN_VARIABLE, "farmer:s3cret")
+    monkeypatch.setenv(caster_login.LOGIN_VARIABLE, "farmer:s3cret")
     caster = (f"tcpsvr://:{base_port}", f"ntripc://farmer:s3cret@:{port}/FARM:;RTCM3;")
     with str2str("-in", caster[0], "-out", caster[1], "-b", "1"):
         wait_for(lambda: is_open(base_port) and is_open(port), "str2str")
@@ -513,12 +515,12 @@ def test_a_base_station_behind_a_real_caster_feeds_the_receivers_line(
     ("mount", "login", "why"),
     [
         ("FARMS", LOGIN, "no mountpoint 'FARMS'; did you mean 'FARM'?; it has FARM"),
-        ("FARM", ntrip.CasterLogin("farmer", "wrong"), "refuses the login"),
+        ("FARM", caster_login.CasterLogin("farmer", "wrong"), "refuses the login"),
         ("FARM", None, "wants a login"),
     ],
 )
 def test_a_real_casters_refusals_are_understood(
-    mount: str, login: ntrip.CasterLogin | None, why: str
+    mount: str, login: caster_login.CasterLogin | None, why: str
 ) -> None:
     base_port, port = free_port(), free_port()
     caster = (f"tcpsvr://:{base_port}", f"ntripc://farmer:s3cret@:{port}/FARM:;RTCM3;")
@@ -565,7 +567,7 @@ def test_a_real_server_sends_a_base_through_any_caster_to_the_rover() -> None:
 def test_a_run_tells_of_its_corrections_and_its_folder_knows_no_password(
     line: Line, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv(ntrip.LOGIN_VARIABLE, "farmer:s3cret")
+    monkeypatch.setenv(caster_login.LOGIN_VARIABLE, "farmer:s3cret")
     ended, out = threading.Event(), tmp_path / "run"
 
     def speak() -> None:

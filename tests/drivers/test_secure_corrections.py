@@ -18,7 +18,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.fact_text import render
 from agribot.core.facts import CorrectionsCome
 from agribot.core.messages import DeviceNote
-from agribot.drivers import ntrip
+from agribot.drivers import caster_login, ntrip
 from agribot.drivers.corrections import CorrectionLink, CorrectionTiming, make_tls
 from tests import machine
 from tests.drivers.caster import STATION, YES, FakeCaster, make_observation
@@ -27,7 +27,7 @@ from tests.waiting import PATIENCE_S, wait_for
 
 pytestmark = machine.needs("openssl")
 NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
-LOGIN = ntrip.CasterLogin("farmer", "s3cret")
+LOGIN = caster_login.CasterLogin("farmer", "s3cret")
 TIMING = CorrectionTiming(gga_period_s=0.02, stall_s=600, first_wait_s=0.01, longest_wait_s=0.05)
 
 
@@ -225,7 +225,7 @@ def test_a_receiver_is_fed_over_tls_by_its_uri(
     authority: Authority, server: ssl.SSLContext, line: Line, opened: Opened,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setenv(ntrip.LOGIN_VARIABLE, "farmer:s3cret")
+    monkeypatch.setenv(caster_login.LOGIN_VARIABLE, "farmer:s3cret")
     with casting(server) as caster:
         uri = f"serial:{line.path}?ntrip=ntrips://localhost:{caster.port}/FARM"
         source = opened.open("gnss", f"{uri}&ntrip_ca={authority.file}")

@@ -13,14 +13,9 @@ import numpy.typing as npt
 import pytest
 import shapely
 
-from agribot.autonomy.plan.coverage.area import (
-    FieldPlan,
-    Footprint,
-    PlanRequest,
-    TurnStyle,
-    measure_footprint,
-)
+from agribot.autonomy.plan.coverage.area import FieldPlan, PlanRequest, TurnStyle
 from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.footprint import Footprint, measure_footprint
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray

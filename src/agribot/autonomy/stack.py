@@ -27,8 +27,8 @@ from agribot.autonomy.perception_host import (
     PerceptionHost,
     ThreadedPerception,
 )
-from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.footprint import measure_footprint
 from agribot.autonomy.plan.keep_out import KeepOut
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission

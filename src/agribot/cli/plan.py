@@ -192,8 +192,8 @@ def _teach(options: argparse.Namespace) -> int:
 
 def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.app.keep_out import read_keep_out
-    from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.coverage.planner import plan_field
+    from agribot.autonomy.plan.footprint import measure_footprint
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.autonomy.plan.tool_gaps import warn_of_gaps
     from agribot.description.loader import load_robot
@@ -231,7 +231,7 @@ def _is_near(point: MapPoint) -> bool:
 
 
 def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
-    from agribot.autonomy.plan.coverage.area import measure_footprint
+    from agribot.autonomy.plan.footprint import measure_footprint
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.autonomy.plan.tool_gaps import warn_of_gaps
     from agribot.description.loader import load_robot

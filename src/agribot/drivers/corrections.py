@@ -23,12 +23,12 @@ from agribot.core.facts import CorrectionsCome, CorrectionsMissing
 from agribot.core.geo import ecef_from_geodetic, geodetic_from_ecef
 from agribot.core.messages import GnssFix, Vec3
 from agribot.drivers.byte_streams import ByteStream, TcpStream
+from agribot.drivers.caster_login import CasterLogin
 from agribot.drivers.nmea import StampedFix, write_gga
 from agribot.drivers.ntrip import (
     FORMS,
     AnswerDecoder,
     Caster,
-    CasterLogin,
     CasterRefusal,
     write_request,
 )

@@ -16,11 +16,12 @@ from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, nmea
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
+from agribot.drivers.caster_login import CasterLogin
 from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.corrections import CorrectionLink
 from agribot.drivers.heard import Heard
 from agribot.drivers.line_watch import LineWatch
-from agribot.drivers.ntrip import Caster, CasterLogin
+from agribot.drivers.ntrip import Caster
 from agribot.drivers.receiver_decoder import ReceiverDecoder, Stamped
 from agribot.drivers.sky import Sky
 

@@ -20,7 +20,7 @@ from agribot.core.named_functions import find_function
 from agribot.core.platform import Sensor, SensorSource
 from agribot.core.plugins import SOURCES, bind_settings, find_plugin, list_names
 from agribot.core.robot import RobotSpec
-from agribot.drivers.ntrip import check_no_login
+from agribot.drivers.caster_login import check_no_login
 
 Opened = TypeVar("Opened")
 BASE = "base"  # the motor board, which `platform = "hardware"` opens itself

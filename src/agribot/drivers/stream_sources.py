@@ -19,6 +19,7 @@ from agribot.drivers.byte_streams import (
     TcpStream,
     describe_failure,
 )
+from agribot.drivers.caster_login import find_login
 from agribot.drivers.corrections import make_tls
 from agribot.drivers.imu_devices import ImuSource, make_imu
 from agribot.drivers.receiver import GpsdDecoder, ReceiverSource
@@ -132,7 +133,7 @@ def _open_receiver(
     text, authority = options.pop_text("ntrip", ""), options.pop_text("ntrip_ca", "")
     options.check_empty()
     caster = ntrip.read_caster(text) if text else None
-    login = ntrip.find_login(caster.host, os.environ, Path.home()) if caster else None
+    login = find_login(caster.host, os.environ, Path.home()) if caster else None
     if authority and not (caster and caster.is_secure):
         raise ConfigError("ntrip_ca=: it checks a caster over TLS; write ntrip=ntrips://...")
     tls = make_tls(authority) if caster and caster.is_secure else None

@@ -10,8 +10,9 @@ import pytest
 import shapely
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest, measure_footprint
+from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.footprint import measure_footprint
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.autonomy.plan.plan_sweep import trace_tool
 from agribot.autonomy.plan.route import Route, Tool

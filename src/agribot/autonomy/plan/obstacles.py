@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Footprint, measure_footprint
+from agribot.autonomy.plan.footprint import Footprint, measure_footprint
 from agribot.autonomy.plan.keep_out import KeepOut
 from agribot.core.errors import MissionError
 from agribot.core.keep_out import BodyBox

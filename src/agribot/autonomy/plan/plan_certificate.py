@@ -13,14 +13,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import (
-    FieldArea,
-    FieldPlan,
-    Footprint,
-    Leg,
-    PlanRequest,
-)
+from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.curves import MIN_RADIUS_M
+from agribot.autonomy.plan.footprint import Footprint
 from agribot.autonomy.plan.plan_ground import find_covered, find_reachable
 from agribot.autonomy.plan.plan_sweep import (
     measure_bends_radpm,

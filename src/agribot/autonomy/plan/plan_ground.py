@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest
+from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.coverage.free_space import (
     draw_crop_strips,
     measure_crop_clearance_m,
 )
+from agribot.autonomy.plan.footprint import Footprint
 from agribot.autonomy.plan.plan_sweep import trace_tool
 from agribot.core.messages import FloatArray
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Footprint, Leg
+from agribot.autonomy.plan.coverage.area import Leg
+from agribot.autonomy.plan.footprint import Footprint
 from agribot.core.messages import FloatArray
 
 TURN_STEP_RAD = math.radians(2.0)

@@ -9,14 +9,10 @@ from typing import NamedTuple
 import msgspec
 
 from agribot.app.field_work import choose_width_m
-from agribot.autonomy.plan.coverage.area import (
-    FieldArea,
-    MapLine,
-    PlanRequest,
-    measure_footprint,
-)
+from agribot.autonomy.plan.coverage.area import FieldArea, MapLine, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.footprint import measure_footprint
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.autonomy.plan.speed import find_most_mps, limit_speeds
 from agribot.autonomy.plan.tool_gaps import measure_gaps_m2, warn_of_gaps

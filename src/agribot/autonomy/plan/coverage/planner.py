@@ -11,7 +11,6 @@ import numpy as np
 from agribot.autonomy.plan.coverage.area import (
     FieldArea,
     FieldPlan,
-    Footprint,
     Leg,
     LegKind,
     MapLine,
@@ -42,6 +41,7 @@ from agribot.autonomy.plan.coverage.tasks import (
 )
 from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
+from agribot.autonomy.plan.footprint import Footprint
 from agribot.autonomy.plan.row_room import check_row_room
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, MapPoint
