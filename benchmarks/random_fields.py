@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from agribot.autonomy.plan.coverage.area import PlanRequest
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
 

@@ -1,5 +1,5 @@
-/* Written by scripts/generate_board_wire.py from src/agribot/drivers/board_protocol.py:
- * change that one. Little-endian, as the AVR is.
+/* Written by scripts/generate_board_wire.py from
+ * src/agribot/drivers/board/board_protocol.py: change that one. Little-endian, as the AVR is.
  */
 #ifndef WIRE_H
 #define WIRE_H

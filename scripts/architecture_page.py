@@ -22,7 +22,8 @@ code; `tests/test_architecture.py` holds the code to the same table.
 
 A room is a folder of `src/agribot`. An import goes to the same room or to a lower floor: never up,
 and never to another room of the same floor. The rooms marked *pure* hold decisions: no input or
-output, no clock, no thread, no hidden dice.
+output, no clock, no thread, no hidden dice. A wing is a folder of a room; it imports only wings
+named before it.
 
 """
 FLOW = """
@@ -75,7 +76,9 @@ def table(rooms: list[dict[str, Any]]) -> str:
     lines = ["| floor | room | what lives there |\n", "|---|---|---|\n"]
     for room in sorted(rooms, key=lambda room: room["floor"]):
         pure = " *Pure.*" if room.get("is_pure") else ""
-        lines.append(f"| {room['floor']} | `{room['name']}/` | {room['about']}.{pure} |\n")
+        wings = ", ".join(f"`{wing}`" for wing in room.get("wings", []))
+        wings = f" Wings: {wings}." if wings else ""
+        lines.append(f"| {room['floor']} | `{room['name']}/` | {room['about']}.{pure}{wings} |\n")
     return "".join(lines)
 
 

@@ -7,8 +7,8 @@ import re
 import sys
 from pathlib import Path
 
-from agribot.drivers import board_protocol as table
-from agribot.drivers.board_codec import FORMATS
+from agribot.drivers.board import board_protocol as table
+from agribot.drivers.board.board_codec import FORMATS
 
 PAGE = Path(__file__).parents[1] / "docs" / "firmware.md"
 BEGIN, END = "<!-- the messages: make pages -->\n", "<!-- end of the messages -->"

@@ -1,6 +1,6 @@
 """Write the boards' side of their messages: `python scripts/generate_board_wire.py`.
 
-`firmware/wire.h` has the table of `src/agribot/drivers/board_protocol.py` in C.
+`firmware/wire.h` has the table of `src/agribot/drivers/board/board_protocol.py` in C.
 """
 
 from __future__ import annotations
@@ -8,12 +8,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from agribot.drivers import board_protocol as table
-from agribot.drivers.board_codec import FORMATS
+from agribot.drivers.board import board_protocol as table
+from agribot.drivers.board.board_codec import FORMATS
 
 PATH = Path(__file__).parents[1] / "firmware" / "wire.h"
-HEAD = """/* Written by scripts/generate_board_wire.py from src/agribot/drivers/board_protocol.py:
- * change that one. Little-endian, as the AVR is.
+HEAD = """/* Written by scripts/generate_board_wire.py from
+ * src/agribot/drivers/board/board_protocol.py: change that one. Little-endian, as the AVR is.
  */
 #ifndef WIRE_H
 #define WIRE_H

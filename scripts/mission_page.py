@@ -9,16 +9,16 @@ from collections.abc import Mapping
 
 from agribot.autonomy.control.stalled_turn import PIECE_RAD, STALLED_RATIO, STALLED_S
 from agribot.autonomy.control.wheel_watch import HELD_LASTING_S
-from agribot.autonomy.plan.freeing import SAME_PLACE_M, TRIES
-from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
-from agribot.autonomy.plan.row_recovery import LADDER
+from agribot.autonomy.plan.mission.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
+from agribot.autonomy.plan.mission.row_recovery import LADDER
+from agribot.autonomy.plan.ways.freeing import SAME_PLACE_M, TRIES
 
 HEAD = """# The mission and what it is asked
 
 Written by `make pages` from
-[`requests.py`](../src/agribot/autonomy/plan/requests.py).
+[`requests.py`](../src/agribot/autonomy/plan/mission/requests.py).
 
-A mission is in one of these states ([`states.py`](../src/agribot/autonomy/plan/states.py)).
+A mission is in one of these states ([`states.py`](../src/agribot/autonomy/plan/mission/states.py)).
 Status, page and recording show the word in the second column.
 
 | state | word | what the robot does | what ends it |

@@ -20,6 +20,7 @@ SOURCE = ROOT / "src" / "agribot"
 HOUSE = tomllib.loads((ROOT / "docs" / "architecture.toml").read_text(encoding="utf-8"))
 ROOMS = {room["name"]: room for room in HOUSE["rooms"]}
 MOST_NAMES, MOST_FLOORS = 16, 9  # at the top of the package; of the house
+MOST_FILES = 27  # of one folder in a room with wings
 
 LIGHT = {"numpy", "msgspec", "tomli_w"}
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
@@ -140,6 +141,36 @@ def test_imports_go_to_a_lower_floor() -> None:
         if floor_of(used) >= floor_of(room)
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def wing_of(module: str) -> tuple[str, int]:
+    """Room of a module and the place of its wing in the room's list; -1 outside of wings."""
+    room = room_of(module)
+    below = module.removeprefix("agribot." + room.replace("/", ".")).split(".")[1:]
+    wings = ROOMS.get(room, {}).get("wings", [])
+    return room, wings.index(below[0]) if below and below[0] in wings else -1
+
+
+def test_a_wing_imports_only_wings_before_it() -> None:
+    wrong = [
+        f"{show(path)} imports {used}"
+        for path in sources()
+        for room, wing in [wing_of(module_of(path))]
+        for used in sorted(set(imports(path)))
+        if wing >= 0 and wing_of(used)[0] == room and wing_of(used)[1] > wing
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_rooms_with_wings_have_few_files_in_each_folder() -> None:
+    folders = [
+        folder
+        for name, room in ROOMS.items()
+        if "wings" in room
+        for folder in (SOURCE / name, *(SOURCE / name / wing for wing in room["wings"]))
+    ]
+    crowded = {show(folder): len(list(folder.glob("*.py"))) for folder in folders}
+    assert {name: count for name, count in crowded.items() if count > MOST_FILES} == {}
 
 
 def test_no_module_imports_itself_through_others() -> None:

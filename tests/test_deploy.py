@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from agribot.app.service_manager import SIGNS_OF_LIFE
-from agribot.cli.sensor_sources import read_source_settings
+from agribot.cli.run.sensor_sources import read_source_settings
 from agribot.core import config
-from agribot.drivers.found_devices import RECEIVERS, SERIAL_MAKERS
-from agribot.drivers.schemes import read_sources
+from agribot.drivers.line.schemes import read_sources
+from agribot.drivers.probe.found_devices import RECEIVERS, SERIAL_MAKERS
 from tests import machine
 from tests.cli.parser_tree import every_parser
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from agribot.autonomy.estimate import ekf, verdicts
+from agribot.autonomy.estimate import verdicts
+from agribot.autonomy.estimate.filter import ekf
 from agribot.autonomy.implements.crop_guard import find_most_keep_off_m
 from agribot.core import platform
 from agribot.core.config import EstimateConfig, MissionConfig, TreatmentConfig

@@ -29,8 +29,8 @@ from agribot.core.geo import Datum
 from agribot.core.messages import GnssFix, GnssHeading
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.drivers.gpsd import GpsdFixes
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.gpsd import GpsdFixes
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 from agribot.gis.field_file import read_field
 from agribot.gis.mbtiles import read_tile
 from agribot.gis.prescription import read_prescription

@@ -15,7 +15,7 @@ from agribot.autonomy.estimate.corrections import CORRECTIONS
 from agribot.cli.main import COMMANDS
 from agribot.core import platforms
 from agribot.core.implement import kind as implements
-from agribot.drivers import schemes
+from agribot.drivers.line import schemes
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agribot.core.messages import Four, Vec3
-from agribot.drivers.board_protocol import BoardImu, list_fields
+from agribot.drivers.board.board_protocol import BoardImu, list_fields
 
 SOURCE = Path(__file__).with_suffix(".c")
 CLOCK_HZ = 16_000_000

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from agribot.app.open_run import open_run
     from agribot.app.run import Run
     from agribot.app.simulated_run import SimulatedRun, simulate
-    from agribot.autonomy.estimate.correction import Correction
     from agribot.autonomy.estimate.corrections import register_correction
+    from agribot.autonomy.estimate.sensors.correction import Correction
     from agribot.core import messages, topics
     from agribot.core.config import RunConfig, load
     from agribot.core.errors import AgribotError
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from agribot.core.platforms import register_platform
     from agribot.core.robot import RobotSpec
     from agribot.description.loader import load_robot
-    from agribot.drivers.schemes import register_scheme
+    from agribot.drivers.line.schemes import register_scheme
     from agribot.ui import panels
     from agribot.ui.robot_side.operator_page import OperatorPage
 
 # Modules of the names; a module stands for itself.
 _HOMES = {
     "AgribotError": "agribot.core.errors",
-    "Correction": "agribot.autonomy.estimate.correction",
+    "Correction": "agribot.autonomy.estimate.sensors.correction",
     "Implement": "agribot.core.implement.kind",
     "ImplementKind": "agribot.core.implement.kind",
     "ImplementSpec": "agribot.core.implement.spec",
@@ -57,7 +57,7 @@ _HOMES = {
     "register_correction": "agribot.autonomy.estimate.corrections",
     "register_implement": "agribot.core.implement.kind",
     "register_platform": "agribot.core.platforms",
-    "register_scheme": "agribot.drivers.schemes",
+    "register_scheme": "agribot.drivers.line.schemes",
     "simulate": "agribot.app.simulated_run",
     "topics": "agribot.core",
 }

@@ -18,8 +18,8 @@ from agribot.app.open_run import open_run
 from agribot.app.platform_lock import PlatformLock
 from agribot.app.rerun import read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun
-from agribot.autonomy.plan import mission
-from agribot.autonomy.plan.job_start import plan_job
+from agribot.autonomy.plan.mission import mission
+from agribot.autonomy.plan.mission.job_start import plan_job
 from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.cli.main import main
 from agribot.core import config, platforms

@@ -12,7 +12,7 @@ import pytest
 
 from agribot.app.declination import find_magnetic_north, settle_declination
 from agribot.app.run_setup import prepare_run
-from agribot.cli import doctor_machine
+from agribot.cli.doctor import doctor_machine
 from agribot.core import config as settings
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum

@@ -23,7 +23,7 @@ from agribot.core.messages import ByteArray, CameraFrame, PlantClass, Scene
 from agribot.core.world import WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.drivers.cameras import OpenCvGrabber
+from agribot.drivers.camera.cameras import OpenCvGrabber
 from agribot.record.replay import read_config, read_ticks, read_weed_map
 from agribot.record.report import Report
 from agribot.sim.camera import CameraRenderer

@@ -42,7 +42,7 @@ from agribot.core.facts import (
 from agribot.core.geo import Datum
 from agribot.core.messages import ClearStop, TickRecord, Who
 from agribot.drivers import hardware_platform
-from agribot.drivers.board_protocol import COMMAND_TIMEOUT_S, StopCause
+from agribot.drivers.board.board_protocol import COMMAND_TIMEOUT_S, StopCause
 from agribot.record.replay import read_ticks
 from agribot.ui import wire
 from tests import nightly
@@ -68,6 +68,13 @@ PATIENT = [
 ]  # fmt: skip
 START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
 AHEAD_M = 1.2
+AND_LIST_MODULES = """
+import sys
+from agribot.cli.main import main
+code = main(sys.argv[1:])
+print(*sys.modules)
+sys.exit(code)
+"""
 IN_TERMINAL = """
 import fcntl, os, signal, sys, termios
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
@@ -133,9 +140,13 @@ def test_a_builder_starts_the_robot_it_drives_to_a_place_and_a_replay_gives_the_
     out = tmp_path / "run"
     options = words(bench, out, "--arm", "--waypoints", str(places), "--for", "300")
     done = subprocess.run(
-        [sys.executable, "-m", "agribot.cli", *options], capture_output=True, text=True, check=False
-    )
+        [sys.executable, "-c", AND_LIST_MODULES, *options],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
+    loaded = done.stdout.splitlines()[-1].split()
+    assert "agribot.drivers.hardware_platform" in loaded
+    assert [name for name in loaded if name.startswith("agribot.sim")] == []
     report = json.loads((out / "report.json").read_text())
     assert report["mission"]["waypoints_reached"] == 1
     x_m, y_m, _ = bench.pose

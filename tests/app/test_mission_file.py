@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agribot.app.mission_file import FILE_NAME, MissionFile
-from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.mission.mission import Mission
 from agribot.core.messages import TickRecord
 from tests.record import record_samples as samples
 

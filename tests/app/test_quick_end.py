@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import page
 from agribot.cli.main import main
+from agribot.cli.run import page
 from agribot.record.replay import read_ticks
 
 FIGURES = {"report.html", "map.png"}

@@ -12,7 +12,7 @@ import pytest
 
 from agribot.app.run_setup import prepare_run
 from agribot.app.run_world import make_run_world, settle_origin
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig, load
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum

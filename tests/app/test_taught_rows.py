@@ -19,7 +19,7 @@ from agribot.app.taught_rows import (
     split_by_turns,
     teach_rows,
 )
-from agribot.autonomy.plan.curves import Segment, sample
+from agribot.autonomy.plan.ways.curves import Segment, sample
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.errors import MissionError

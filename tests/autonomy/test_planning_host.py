@@ -10,10 +10,10 @@ import pytest
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.planning import PlanningDesk
+from agribot.autonomy.plan.mission.planning import PlanningDesk
+from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError

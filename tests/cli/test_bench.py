@@ -6,10 +6,10 @@ import json
 
 import pytest
 
-from agribot.cli import bench_all
 from agribot.cli.main import main
+from agribot.cli.tools import bench_all
 
-SIM = ("agribot.cli.bench_sim", ("--only", "network_ms"))
+SIM = ("agribot.cli.tools.bench_sim", ("--only", "network_ms"))
 
 
 def last_line(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
@@ -47,7 +47,7 @@ def test_what_cannot_be_measured_is_refused_by_name(
 def test_all_goes_on_after_a_benchmark_that_cannot_run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    broken = ("agribot.cli.bench_sim", ("--only", "nothing"))
+    broken = ("agribot.cli.tools.bench_sim", ("--only", "nothing"))
     absent = ("agribot.cli.bench_of_nothing", ())
     monkeypatch.setattr(bench_all, "SHORT", {"broken": broken, "absent": absent, "sim": SIM})
     assert main(["bench", "all", "--json"]) == 1

@@ -12,11 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import board as board_command
 from agribot.cli.main import main
-from agribot.drivers import found_devices
-from agribot.drivers.board_codec import BoardDecoder, encode
-from agribot.drivers.board_protocol import (
+from agribot.cli.tools import board as board_command
+from agribot.drivers.board.board_codec import BoardDecoder, encode
+from agribot.drivers.board.board_protocol import (
     LAYOUT,
     PROTOCOL,
     AskVersion,
@@ -25,7 +24,8 @@ from agribot.drivers.board_protocol import (
     BoardKind,
     BoardVersion,
 )
-from agribot.drivers.found_devices import FoundDevice
+from agribot.drivers.probe import found_devices
+from agribot.drivers.probe.found_devices import FoundDevice
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.lines import Line
 from tests.waiting import interrupted_once
@@ -188,7 +188,7 @@ def test_a_board_that_falls_silent_is_not_told_as_it_was(line: Line, told: list[
 def test_what_is_no_word_of_a_board_is_told_with_its_length(
     line: Line, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agribot.drivers.board_probe.BoardProbe.ask.__defaults__", (0.5,))
+    monkeypatch.setattr("agribot.drivers.probe.board_probe.BoardProbe.ask.__defaults__", (0.5,))
     with living(line, lambda data: b"\x55" * 20):
         assert main(["board", "show", f"serial:{line.path}"]) == 2
     assert "bytes came, which are no words of one" in capsys.readouterr().err
@@ -214,7 +214,7 @@ def test_a_board_is_not_flashed_while_another_program_has_its_line(
 def test_what_is_silent_is_told_nothing_and_named(
     line: Line, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agribot.drivers.board_probe.BoardProbe.ask.__defaults__", (0.5,))
+    monkeypatch.setattr("agribot.drivers.probe.board_probe.BoardProbe.ask.__defaults__", (0.5,))
     with living(line, lambda data: b"") as heard:
         assert main(["board", "show", f"serial:{line.path}"]) == 2
     assert "no board of ours speaks there" in capsys.readouterr().err

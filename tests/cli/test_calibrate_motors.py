@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
-from agribot.cli.run_settings import add_setting_arguments, read_settings
+from agribot.cli.run.run_settings import add_setting_arguments, read_settings
 
 PARTS_LIST = ["--counts-per-turn", "2048", "--full-speed-rpm", "80"]
 

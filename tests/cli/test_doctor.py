@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from agribot.cli import doctor, doctor_devices, doctor_machine, doctor_packages
-from agribot.cli.doctor_findings import CheckResult
+from agribot.cli.doctor import doctor, doctor_devices, doctor_machine, doctor_packages
+from agribot.cli.doctor.doctor_findings import CheckResult
 from agribot.cli.main import main
 
 

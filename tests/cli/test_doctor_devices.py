@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import doctor_devices, doctor_machine
-from agribot.cli.doctor_findings import CheckResult
-from agribot.drivers.gpsd_probe import GpsdState
+from agribot.cli.doctor import doctor_devices, doctor_machine
+from agribot.cli.doctor.doctor_findings import CheckResult
+from agribot.drivers.probe.gpsd_probe import GpsdState
 from tests.drivers.device_tree import plug_camera, plug_gamepad, plug_serial, put
 
 

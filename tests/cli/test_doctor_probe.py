@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 
-from agribot.cli import doctor_probe
-from agribot.cli.doctor_probe import DeviceProbe
+from agribot.cli.doctor import doctor_probe
+from agribot.cli.doctor.doctor_probe import DeviceProbe
 from agribot.cli.main import main
 from agribot.core import config
-from agribot.drivers.camera_probe import CameraAnswer
-from agribot.drivers.gpsd_probe import GpsdState
+from agribot.drivers.probe.camera_probe import CameraAnswer
+from agribot.drivers.probe.gpsd_probe import GpsdState
 from tests.cli.parser_tree import every_parser
 from tests.cli.test_board import LinesThenFrames, living
 from tests.drivers import receiver_bytes as written
@@ -212,7 +212,7 @@ def test_pictures_are_taken_by_opencv(tmp_path: Path) -> None:
     cv2 = pytest.importorskip("cv2", reason="pip install -e '.[camera]'")
     import numpy as np
 
-    from agribot.drivers.camera_probe import probe_camera
+    from agribot.drivers.probe.camera_probe import probe_camera
 
     path = str(tmp_path / "pictures.avi")
     writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 20.0, (64, 48))
@@ -229,8 +229,8 @@ def test_pictures_are_taken_by_opencv(tmp_path: Path) -> None:
 @pytest.fixture
 def quiet_doctor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("agribot.cli.doctor._list_checks", lambda is_full: iter(()))
-    monkeypatch.setattr("agribot.drivers.gpsd_probe.ask_gpsd", lambda: None)
+    monkeypatch.setattr("agribot.cli.doctor.doctor._list_checks", lambda is_full: iter(()))
+    monkeypatch.setattr("agribot.drivers.probe.gpsd_probe.ask_gpsd", lambda: None)
 
 
 def test_the_command_line_prints_the_rules_or_all_of_it_as_json(

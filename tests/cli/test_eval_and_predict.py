@@ -15,8 +15,8 @@ from PIL import Image
 
 from agribot.autonomy.perceive.pictures import classify, see_picture
 from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.cli.data.result_names import name_results
 from agribot.cli.main import main
-from agribot.cli.result_names import name_results
 from agribot.lab.train.card import ModelCard, hash_file
 from agribot.lab.train.simulated import draw_random_field
 from agribot.sim.random_scenes import DENSE

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.cli import gallery
-from agribot.cli.gallery import CAPTION_PX, COLUMNS, GAP_PX, HEIGHT_PX, WIDTH_PX
+from agribot.cli.fields import gallery
+from agribot.cli.fields.gallery import CAPTION_PX, COLUMNS, GAP_PX, HEIGHT_PX, WIDTH_PX
 from agribot.cli.main import main
 from tests import nightly
 
@@ -40,6 +40,8 @@ def test_every_tile_of_the_gallery_shows_something_else(
 def test_a_file_type_that_holds_no_picture_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agribot.cli.gallery.draw_gallery", lambda: np.zeros((4, 4, 3), np.uint8))
+    monkeypatch.setattr(
+        "agribot.cli.fields.gallery.draw_gallery", lambda: np.zeros((4, 4, 3), np.uint8)
+    )
     assert main(("world", "gallery", "-o", str(tmp_path / "gallery.world"))) == 2
     assert "ends in .png" in capsys.readouterr().err

@@ -233,7 +233,7 @@ def test_what_nobody_foresaw_is_called_an_internal_error_and_can_be_found(
     def fail(_: object) -> int:
         raise kind("the sum of two\nis three")
 
-    monkeypatch.setattr("agribot.cli.world.run", fail)
+    monkeypatch.setattr("agribot.cli.fields.world.run", fail)
     assert main(["world", "list"]) == 2
     assert capsys.readouterr().err == (
         f"agribot world: internal error: {kind.__name__}: the sum of two is three "
@@ -264,7 +264,7 @@ def test_errors_of_the_machine_and_of_inputs_are_told_in_words(
     def fail(_: object) -> int:
         raise error
 
-    monkeypatch.setattr("agribot.cli.world.run", fail)
+    monkeypatch.setattr("agribot.cli.fields.world.run", fail)
     assert main(["world", "list"]) == 2
     said = capsys.readouterr().err
     assert words in said
@@ -323,7 +323,7 @@ def test_another_pipe_that_breaks_is_told(
     def fail(_: object) -> int:
         raise BrokenPipeError(32, "Broken pipe")
 
-    monkeypatch.setattr("agribot.cli.world.run", fail)
+    monkeypatch.setattr("agribot.cli.fields.world.run", fail)
     assert main(["world", "list"]) == 2
     assert "another program is not there, or has gone" in capsys.readouterr().err
 
@@ -334,7 +334,7 @@ def test_an_interruption_stays_one(
     def interrupt(_: object) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("agribot.cli.world.run", interrupt)
+    monkeypatch.setattr("agribot.cli.fields.world.run", interrupt)
     assert main(["world", "list"]) == 130
     assert capsys.readouterr().err == "agribot world: interrupted\n"
 

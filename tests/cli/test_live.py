@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from agribot.cli import live
+from agribot.cli.data import live
+from agribot.cli.data.newest_frame import NewestFrame
 from agribot.cli.main import main
-from agribot.cli.newest_frame import NewestFrame
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
@@ -153,7 +153,7 @@ def test_live_ends_with_one_where_the_camera_stops(
 
 
 def test_the_simulated_drive_shows_plants(capsys: pytest.CaptureFixture[str]) -> None:
-    from agribot.cli.live_sources import SimulatedDrive
+    from agribot.cli.data.live_sources import SimulatedDrive
 
     drive = SimulatedDrive(seed=1)
     first, second = drive.read(), drive.read()

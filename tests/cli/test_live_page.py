@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.cli import live
-from agribot.cli.live_overlay import STRIP_PX, WIDEST_PX, draw_notice, draw_overlay
+from agribot.cli.data import live
+from agribot.cli.data.live_overlay import STRIP_PX, WIDEST_PX, draw_notice, draw_overlay
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray

@@ -23,10 +23,10 @@ COMMAND = re.compile(r"\bagribot ((?:[a-z0-9][a-z0-9-]*)(?: [a-z0-9][a-z0-9-]*)*
 # Of other programs, by the module that names them.
 OF_OTHERS = {
     "agribot.app.declination": {"--upgrade"},  # pip
-    "agribot.cli.doctor": {"--reload", "--subsystem-match"},  # udevadm
-    "agribot.cli.doctor_devices": {"--now"},  # systemctl
-    "agribot.cli.doctor_packages": {"--upgrade"},  # pip
-    "agribot.cli.view": {"--ros-args"},  # rviz2
+    "agribot.cli.doctor.doctor": {"--reload", "--subsystem-match"},  # udevadm
+    "agribot.cli.doctor.doctor_devices": {"--now"},  # systemctl
+    "agribot.cli.doctor.doctor_packages": {"--upgrade"},  # pip
+    "agribot.cli.run.view": {"--ros-args"},  # rviz2
     "agribot.lab.bench.ui_browser": {"--no-sandbox", "--use-angle", "--enable-unsafe-swiftshader"},
     "agribot.lab.sweep.ray_cluster": {"--head"},  # ray start
     # Colours of a style sheet.

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import bridging, origin
 from agribot.cli.main import main
-from agribot.cli.run_settings import add_setting_arguments, read_settings
+from agribot.cli.run import bridging, origin
+from agribot.cli.run.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers.nmea import write_sentence
+from agribot.drivers.gnss.nmea import write_sentence
 from agribot.record.replay import read_config, read_ticks
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.rosmsg import load_types

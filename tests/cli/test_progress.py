@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from agribot.autonomy.weeds.map import WeedMap
-from agribot.cli.progress import RunProgress, explain_wait
+from agribot.cli.run.progress import RunProgress, explain_wait
 from agribot.core.config import WeedConfig
 from agribot.core.messages import Check, GateStatus
 from tests.record import record_samples as samples

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.cli.run_summary import format_summary
+from agribot.cli.run.run_summary import format_summary
 from agribot.core.implement.row_shares import TreatedShare
 from agribot.record.report import Report, WeedReport
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from agribot.cli.drive_source import LiveTwists, parse_constant, read_script
 from agribot.cli.main import main
+from agribot.cli.run.drive_source import LiveTwists, parse_constant, read_script
 from agribot.core import topics
 from agribot.core.errors import ConfigError
 from agribot.core.messages import DriveCommand, SensorBatch

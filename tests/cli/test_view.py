@@ -16,7 +16,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from agribot.cli.main import main
-from agribot.cli.view import find_view
+from agribot.cli.run.view import find_view
 from agribot.core import topics
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
@@ -132,7 +132,7 @@ def test_a_recording_is_played_as_ros_2_unless_only_the_rviz_of_ros_1_is_there(
     played: list[tuple[bool, bool]] = []
     monkeypatch.setattr("shutil.which", lambda name, **_: name if name in installed else None)
     monkeypatch.setattr(
-        "agribot.cli.view._play", lambda _, options: played.append((options.ros1, options.ros2))
+        "agribot.cli.run.view._play", lambda _, options: played.append((options.ros1, options.ros2))
     )
     assert main(["view", "rviz", str(run), "--no-open"]) == 0
     assert played == [(ros == "ros1", ros == "ros2")]
@@ -144,7 +144,7 @@ def test_a_recording_is_played_to_another_process_with_its_clock(run: Path) -> N
     clock = wire.make_topic_key(0, "/clock", topics.CLOCK.ros_type, _hash(topics.CLOCK))
     player = _Player(locator, key, clock)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("agribot.cli.view.wait_until", player.wait)
+        patch.setattr("agribot.cli.run.view.wait_until", player.wait)
         arguments = ["view", "rviz", str(run), "--ros2", "--ros-router", locator, "--no-open"]
         assert main(arguments) == 0
     assert player.is_checked

@@ -178,7 +178,7 @@ OPERATIONS = frozenset(
 # Where a text is still looked into, and why it may be; the list may only become shorter.
 LOOKED_INTO = {
     "autonomy/weeds/map.py": "of a plant that was left: the number of one of the implement's words",
-    "cli/teleop.py": "it is shortened for a line of the terminal",
+    "cli/run/teleop.py": "it is shortened for a line of the terminal",
     "lab/bench/fault_rows.py": "of reports: why a run ended, which has no fact",
     "record/localization/page.py": "of results: the word ok",
     "ui/server/app.py": "a refused connection has room for this many letters",
@@ -191,8 +191,9 @@ RENDERED = frozenset(
         "app/localization/log_pictures.py", "app/stop_memory.py",
         "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
         "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
-        "autonomy/perceive/plants.py", "autonomy/plan/answers.py", "autonomy/plan/mission.py",
-        "autonomy/plan/status.py", "autonomy/stack.py", "drivers/board_probe.py",
+        "autonomy/perceive/plants.py",
+        "autonomy/plan/mission/answers.py", "autonomy/plan/mission/mission.py",
+        "autonomy/plan/mission/status.py", "autonomy/stack.py", "drivers/probe/board_probe.py",
         "record/events.py",
     }
 )  # fmt: skip

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.field_rows import FieldRows
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.estimate.filter.field_rows import FieldRows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Row

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from agribot.app.field_work import read_plan_text
-from agribot.autonomy.plan.waypoint_text import parse_waypoints
-from agribot.cli.drive_source import read_script
+from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
+from agribot.cli.run.drive_source import read_script
 from agribot.core.config import RunConfig, read_toml
 from agribot.core.geo import Datum
 from agribot.core.table_text import (

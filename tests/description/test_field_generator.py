@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.mapped_rows import MappedRows
+from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import DescriptionError

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core import config
 from agribot.core.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
 from agribot.core.row_shape import project_on_row, row_points_map_m

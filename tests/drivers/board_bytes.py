@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from agribot.drivers import board_protocol as table
-from agribot.drivers.board_codec import BoardEncoder, BoardFrame
+from agribot.drivers.board import board_protocol as table
+from agribot.drivers.board.board_codec import BoardEncoder, BoardFrame
 
 
 def make_state(**changes: Any) -> table.BoardState:

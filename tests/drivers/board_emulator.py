@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from agribot.core.messages import Four
-from agribot.drivers import board_protocol as wire
-from agribot.drivers.board_codec import BoardDecoder, encode
+from agribot.drivers.board import board_protocol as wire
+from agribot.drivers.board.board_codec import BoardDecoder, encode
 
 TICK_S = 1.0 / wire.TELEMETRY_HZ
 Flag, Cause = wire.BoardFlag, wire.StopCause

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from agribot.drivers.can_frames import CanDecoder, CanFrame
+from agribot.drivers.board.can_frames import CanDecoder, CanFrame
 from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
 
 STATUS_PERIOD_S, HEARTBEAT_S = 0.02, 0.1

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 
 from agribot.core.geo import ecef_from_geodetic
-from agribot.drivers import rtcm
+from agribot.drivers.gnss import rtcm
 from tests.drivers.receiver_bytes import ALT_M, LAT_DEG, LON_DEG
 
 # RTCM 10403.3, the example of message 1005: it stands near Washington.

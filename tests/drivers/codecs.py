@@ -7,20 +7,20 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from agribot.drivers import ntrip, rtcm
-from agribot.drivers.board_codec import BoardDecoder, encode
-from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
-from agribot.drivers.motor_board import MotorBoard
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.odrive import OdriveBoard
-from agribot.drivers.odrive_can import OdriveCanBoard
-from agribot.drivers.receiver import GpsdDecoder
-from agribot.drivers.receiver_decoder import ReceiverDecoder
-from agribot.drivers.rosserial import RosserialHost
-from agribot.drivers.ubx import UbxDecoder, make_frame
-from agribot.drivers.ubx_setup import ACK, CFG_VALSET, NAK, ReceiverSetup, SetupPlan
-from agribot.drivers.vesc import LOCAL, VescBoard
-from agribot.drivers.vesc_can import VescCanBoard
+from agribot.drivers.board.board_codec import BoardDecoder, encode
+from agribot.drivers.board.letter_imu import LetterImuDecoder, read_axes
+from agribot.drivers.board.motor_board import MotorBoard
+from agribot.drivers.board.odrive import OdriveBoard
+from agribot.drivers.board.odrive_can import OdriveCanBoard
+from agribot.drivers.board.rosserial import RosserialHost
+from agribot.drivers.board.vesc import LOCAL, VescBoard
+from agribot.drivers.board.vesc_can import VescCanBoard
+from agribot.drivers.gnss import ntrip, rtcm
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver import GpsdDecoder
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.ubx import UbxDecoder, make_frame
+from agribot.drivers.gnss.ubx_setup import ACK, CFG_VALSET, NAK, ReceiverSetup, SetupPlan
 from tests.drivers import board_bytes, maker_bytes, rosserial_bytes
 from tests.drivers import receiver_bytes as written
 from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 
-from agribot.drivers.odrive_line import compute_checksum, split_answer
-from agribot.drivers.vesc_packets import VescDecoder, make_packet
+from agribot.drivers.board.odrive_line import compute_checksum, split_answer
+from agribot.drivers.board.vesc_packets import VescDecoder, make_packet
 
 IDLE, CLOSED_LOOP = 1, 8  # of an ODrive's axis
 

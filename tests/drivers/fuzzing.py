@@ -19,11 +19,11 @@ from types import FrameType
 from typing import Any
 
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, ImuSample
-from agribot.drivers import rosserial, vesc_packets
-from agribot.drivers.board_codec import FORMATS, encode, stuff, unstuff
-from agribot.drivers.board_protocol import BoardMessage
-from agribot.drivers.motor_board import BoardReport, StampedReport
-from agribot.drivers.ubx import SYNC, compute_checksum
+from agribot.drivers.board import rosserial, vesc_packets
+from agribot.drivers.board.board_codec import FORMATS, encode, stuff, unstuff
+from agribot.drivers.board.board_protocol import BoardMessage
+from agribot.drivers.board.motor_board import BoardReport, StampedReport
+from agribot.drivers.gnss.ubx import SYNC, compute_checksum
 from tests.drivers.codecs import CODECS, write_seeds
 from tests.drivers.maker_bytes import compute_crc32
 

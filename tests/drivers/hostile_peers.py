@@ -7,15 +7,15 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from agribot.description.loader import load_robot
-from agribot.drivers import board_kinds
-from agribot.drivers import board_protocol as wire
-from agribot.drivers.board_codec import BoardDecoder, encode
-from agribot.drivers.can_frames import FRAME, CanFrame
-from agribot.drivers.motor_board import MotorBoard
-from agribot.drivers.odrive import OdriveBoard
-from agribot.drivers.odrive_can import OdriveCanBoard
-from agribot.drivers.vesc import LOCAL, VescBoard
-from agribot.drivers.vesc_can import VescCanBoard
+from agribot.drivers.board import board_kinds
+from agribot.drivers.board import board_protocol as wire
+from agribot.drivers.board.board_codec import BoardDecoder, encode
+from agribot.drivers.board.can_frames import FRAME, CanFrame
+from agribot.drivers.board.motor_board import MotorBoard
+from agribot.drivers.board.odrive import OdriveBoard
+from agribot.drivers.board.odrive_can import OdriveCanBoard
+from agribot.drivers.board.vesc import LOCAL, VescBoard
+from agribot.drivers.board.vesc_can import VescCanBoard
 from tests.drivers.board_emulator import TICK_S as BOARD_TICK_S
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus

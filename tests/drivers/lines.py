@@ -16,7 +16,7 @@ from typing import Any
 
 from agribot.core.platform import SensorSource, SourceOfMore
 from agribot.description.loader import load_robot
-from agribot.drivers import schemes
+from agribot.drivers.line import schemes
 from tests.drivers import receiver_bytes as written
 from tests.waiting import wait_for
 

@@ -8,8 +8,8 @@ import math
 from pynmeagps import GET, NMEAMessage
 from pyubx2 import UBXMessage
 
-from agribot.drivers.ubx import make_frame
-from agribot.drivers.ubx_setup import MON_VER
+from agribot.drivers.gnss.ubx import make_frame
+from agribot.drivers.gnss.ubx_setup import MON_VER
 
 EPOCH = dt.datetime(2026, 5, 4, 9, 30, 15, tzinfo=dt.UTC)
 VERSIONS = {"ZED-F9P": "27.31", "NEO-M8N": "18.00"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 
-from agribot.drivers import rosserial
-from agribot.drivers.rosserial import RosserialTopic, make_packet
+from agribot.drivers.board import rosserial
+from agribot.drivers.board.rosserial import RosserialTopic, make_packet
 
 IMU = RosserialTopic("imu", rosserial.STRING, "992ce8a1687cec8c8bd883ec73ca41d1")
 # As the original's library sends it: topic 125 is its first publisher.

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.drivers import board_protocol as table
-from agribot.drivers.board_codec import (
+from agribot.drivers.board import board_protocol as table
+from agribot.drivers.board.board_codec import (
     FORMATS,
     BoardDecoder,
     BoardEncoder,

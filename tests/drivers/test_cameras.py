@@ -14,8 +14,8 @@ from agribot.core.errors import ConfigError
 from agribot.core.facts import TimesKnown, TimesUnsure
 from agribot.core.messages import CameraFrame
 from agribot.description.loader import load_robot
-from agribot.drivers import schemes
-from agribot.drivers.cameras import CameraSource
+from agribot.drivers.camera.cameras import CameraSource
+from agribot.drivers.line import schemes
 from tests.waiting import wait_for
 
 ROBOT = load_robot()

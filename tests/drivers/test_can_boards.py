@@ -13,12 +13,13 @@ import pytest
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.core.facts import AxisError, AxisStands, Both
-from agribot.drivers import board_kinds, odrive_can, schemes, vesc_can
-from agribot.drivers.board_kinds import MakeBoard
-from agribot.drivers.can_frames import FRAME, CanDecoder, CanFrame, CanStream
+from agribot.drivers.board import board_kinds, odrive_can, vesc_can
+from agribot.drivers.board.board_kinds import MakeBoard
+from agribot.drivers.board.can_frames import FRAME, CanDecoder, CanFrame, CanStream
+from agribot.drivers.board.motor_board import BoardReport, MotorBoard
 from agribot.drivers.hardware_platform import HardwarePlatform
-from agribot.drivers.motor_board import BoardReport, MotorBoard
-from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.line import schemes
+from agribot.drivers.line.uri_options import UriOptions
 from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus
 from tests.drivers.esc_fakes import CLOSED_LOOP, IDLE
 from tests.drivers.lines import Opened

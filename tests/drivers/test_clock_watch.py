@@ -11,9 +11,9 @@ import pytest
 
 from agribot.core.facts import TimesKnown, TimesUnsure
 from agribot.core.messages import DeviceNote
-from agribot.drivers.clock_watch import ClockWatch
-from agribot.drivers.receiver import ReceiverLink
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.receiver import ReceiverLink
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
+from agribot.drivers.line.clock_watch import ClockWatch
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line, Opened
 from tests.waiting import wait_for

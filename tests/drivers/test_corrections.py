@@ -22,9 +22,10 @@ from agribot.core.errors import ConfigError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, CorrectionsCome
 from agribot.core.messages import DeviceNote, GnssFix, GnssQuality, GnssStatus
-from agribot.drivers import caster_login, ntrip, rtcm
-from agribot.drivers.corrections import CorrectionLink, CorrectionTiming
-from agribot.drivers.nmea import StampedFix, write_gga
+from agribot.drivers.gnss import ntrip, rtcm
+from agribot.drivers.gnss.corrections import CorrectionLink, CorrectionTiming
+from agribot.drivers.gnss.nmea import StampedFix, write_gga
+from agribot.drivers.line import caster_login
 from agribot.record.replay import read_ticks
 from tests import machine
 from tests.drivers import receiver_bytes as written
@@ -403,7 +404,7 @@ def test_corrections_for_a_receiver_that_is_unplugged_are_no_corrections() -> No
 @pytest.mark.parametrize("lon_deg", [4.51, -151.2, 179.9999999999])
 def test_the_place_that_a_caster_is_told_is_that_of_the_fix(lat_deg: float, lon_deg: float) -> None:
     at = written.EPOCH + dt.timedelta(seconds=0.5)
-    from agribot.drivers.receiver_decoder import ReceiverDecoder
+    from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 
     ((stamp_s, fix), *_) = ReceiverDecoder(pytest.fail).feed(
         written.make_ubx_pvt(at, lat_deg=lat_deg, lon_deg=lon_deg, carrier=2)

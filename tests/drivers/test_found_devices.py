@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from agribot.drivers.found_devices import explain_access, find_devices
-from agribot.drivers.gpsd_probe import ask_gpsd
+from agribot.drivers.probe.found_devices import explain_access, find_devices
+from agribot.drivers.probe.gpsd_probe import ask_gpsd
 from tests.drivers.device_tree import link, plug_camera, plug_gamepad, plug_serial, put
 
 UBLOX = "usb-u-blox_AG_-_www.u-blox.com_u-blox_GNSS_receiver-if00"

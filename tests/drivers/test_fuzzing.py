@@ -8,9 +8,9 @@ import time
 import pytest
 
 from agribot.core.errors import AgribotError
-from agribot.drivers.nmea import SentenceDecoder
-from agribot.drivers.rtcm import RtcmDecoder
-from agribot.drivers.ubx import UbxDecoder
+from agribot.drivers.gnss.nmea import SentenceDecoder
+from agribot.drivers.gnss.rtcm import RtcmDecoder
+from agribot.drivers.gnss.ubx import UbxDecoder
 from tests.drivers import codecs, fuzzing
 
 TRIES = 200
@@ -47,7 +47,7 @@ def test_the_fuzzer_finds_a_fault_behind_a_checksum(monkeypatch: pytest.MonkeyPa
     def stumble(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("agribot.drivers.sky._read_gsv_satellite", stumble)
+    monkeypatch.setattr("agribot.drivers.gnss.sky._read_gsv_satellite", stumble)
     monkeypatch.setattr(fuzzing, "read_corpus", lambda codec: [b"$GPGSV,1,1,00*79\r\n"])
     with pytest.raises(AssertionError, match="nmea does not stand"):
         list(fuzzing.fuzz("nmea", 1, lambda count: count >= 20_000))

@@ -9,9 +9,9 @@ import pytest
 
 from agribot.core.geo import compass_deg_from_yaw
 from agribot.core.messages import GnssHeading
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver_decoder import HeadingMount, ReceiverDecoder
-from agribot.drivers.unicore import compute_crc32
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver_decoder import HeadingMount, ReceiverDecoder
+from agribot.drivers.gnss.unicore import compute_crc32
 from tests.drivers import maker_bytes
 
 USUAL_DEG = HeadingMount().std_deg

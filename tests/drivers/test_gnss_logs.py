@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from agribot.core.messages import GnssFix
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 
 NEAR_DEG = 3e-6
 SHARE = 0.9  # of the reports of each side that the other one has, too

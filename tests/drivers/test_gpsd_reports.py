@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from agribot.cli.gnss import ReceiverSummary
+from agribot.cli.tools.gnss import ReceiverSummary
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers.gpsd import GpsdFixes
+from agribot.drivers.gnss.gpsd import GpsdFixes
 
 NAN = math.nan
 FULL: dict[str, Any] = {

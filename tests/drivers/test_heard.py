@@ -7,12 +7,12 @@ import json
 import pytest
 from pyubx2 import GET, UBXMessage
 
-from agribot.cli.gnss import ReceiverSummary
+from agribot.cli.tools.gnss import ReceiverSummary
 from agribot.core.messages import GnssFix, GnssStatus
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver import GpsdDecoder
-from agribot.drivers.receiver_decoder import ReceiverDecoder
-from agribot.drivers.receiver_speaker import ReceiverSpeaker
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver import GpsdDecoder
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
+from agribot.drivers.probe.receiver_speaker import ReceiverSpeaker
 from tests.drivers import maker_bytes as made
 from tests.drivers import receiver_bytes as written
 from tests.drivers.caster import STATION, make_observation

@@ -21,12 +21,12 @@ from agribot.core.messages import (
     ImuSample,
     RequestEvent,
 )
-from agribot.drivers.board_link import BoardLink
-from agribot.drivers.imu_devices import make_imu
-from agribot.drivers.motor_board import STATE_S
-from agribot.drivers.odrive_line import PATIENCE_S
-from agribot.drivers.schemes import read_uri
-from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.board.board_link import BoardLink
+from agribot.drivers.board.motor_board import STATE_S
+from agribot.drivers.board.odrive_line import PATIENCE_S
+from agribot.drivers.imu.imu_devices import make_imu
+from agribot.drivers.line.schemes import read_uri
+from agribot.drivers.line.uri_options import UriOptions
 from tests import nightly
 from tests.asking import ask
 from tests.drivers.esc_fakes import CLOSED_LOOP

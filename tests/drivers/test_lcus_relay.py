@@ -11,8 +11,8 @@ from agribot.core.errors import ConfigError
 from agribot.core.facts import RelayLost
 from agribot.core.messages import RobotCommand
 from agribot.core.platform import SensorSource, SourceThatActs
-from agribot.drivers import schemes
-from agribot.drivers.lcus_relay import LcusContactor, make_switch
+from agribot.drivers.line import schemes
+from agribot.drivers.power.lcus_relay import LcusContactor, make_switch
 from tests.drivers.lines import Line, Opened
 from tests.waiting import wait_for
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.errors import ConfigError
-from agribot.drivers.letter_imu import STANDARD_GRAVITY_MPS2, LetterImuDecoder, read_axes
+from agribot.drivers.board.letter_imu import STANDARD_GRAVITY_MPS2, LetterImuDecoder, read_axes
 
 # As it was seen on the original's own board.
 SEEN = b"A-7576B2476C-14524D-749E-4615F-459G"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from agribot.drivers.line_holders import find_holders
+from agribot.drivers.line.line_holders import find_holders
 from tests.drivers.device_tree import put
 
 HOLD = "import sys; f = open(sys.argv[1], 'rb', 0); print('has it', flush=True); sys.stdin.read()"

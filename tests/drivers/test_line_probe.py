@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from agribot.drivers.imu_devices import BEGINS_S
-from agribot.drivers.line_answers import LineAnswer
-from agribot.drivers.line_probe import (
+from agribot.drivers.imu.imu_devices import BEGINS_S
+from agribot.drivers.probe.line_answers import LineAnswer
+from agribot.drivers.probe.line_probe import (
     LIMIT_S,
     LineProbe,
     may_ask_silent,

@@ -22,13 +22,13 @@ from agribot.core.facts import (
 )
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
-from agribot.drivers import board_kinds, vesc_packets
-from agribot.drivers.agribot_board import AgribotBoard
-from agribot.drivers.board_codec import encode
-from agribot.drivers.board_link import BoardLink
-from agribot.drivers.board_protocol import AckResult, BoardAck, BoardConfig, StopCause
-from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
-from agribot.drivers.motor_watch import MotorWatch
+from agribot.drivers.board import board_kinds, vesc_packets
+from agribot.drivers.board.agribot_board import AgribotBoard
+from agribot.drivers.board.board_codec import encode
+from agribot.drivers.board.board_link import BoardLink
+from agribot.drivers.board.board_protocol import AckResult, BoardAck, BoardConfig, StopCause
+from agribot.drivers.board.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
+from agribot.drivers.board.motor_watch import MotorWatch
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.esc_fakes import FakeVesc
 

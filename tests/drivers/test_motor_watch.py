@@ -6,7 +6,7 @@ import pytest
 
 from agribot.core.messages import WHEEL_NAMES
 from agribot.description.loader import load_robot
-from agribot.drivers.motor_watch import LASTING_S, MOST_SENSED_A, SENSOR_STEP_A, MotorWatch
+from agribot.drivers.board.motor_watch import LASTING_S, MOST_SENSED_A, SENSOR_STEP_A, MotorWatch
 
 DRIVE = load_robot().drive
 SUPPLY_V, STEP_S = 25.0, 0.01

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers.nmea import BARE_SENTENCES, write_sentence
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.nmea import BARE_SENTENCES, write_sentence
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 
 PLACE = "5209.00000,N,00430.60000,E"
 LAT_DEG, LON_DEG = 52.15, 4.51

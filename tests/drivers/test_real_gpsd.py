@@ -18,10 +18,10 @@ from pathlib import Path
 import pytest
 
 from agribot.core.messages import GnssFix, GnssQuality, GnssStatus
-from agribot.drivers.byte_streams import TcpStream
-from agribot.drivers.gpsd import write_watch
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver import GpsdDecoder
+from agribot.drivers.gnss.gpsd import write_watch
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver import GpsdDecoder
+from agribot.drivers.line.byte_streams import TcpStream
 from tests import machine
 from tests.drivers import receiver_bytes as written
 from tests.drivers.gpsd_daemon import Daemon

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers import gpsd, nmea, nmea_fixes, nmea_places, ubx
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss import gpsd, nmea, nmea_fixes, nmea_places, ubx
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 from tests.drivers import receiver_bytes as written
 
 SECOND = dt.timedelta(seconds=1)

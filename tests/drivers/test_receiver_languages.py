@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from pyubx2 import GET, UBXMessage
 
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 from tests.drivers import maker_bytes as made
 from tests.drivers import receiver_bytes as written
 

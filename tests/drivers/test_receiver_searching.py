@@ -13,10 +13,10 @@ from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import load
 from agribot.core.messages import GnssFix, GnssStatus, ImuSample, SensorBatch, WheelSample
 from agribot.description.loader import load_robot
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver import GpsdDecoder, ReceiverLink
-from agribot.drivers.receiver_decoder import ReceiverDecoder
-from agribot.drivers.ubx import UbxDecoder, make_frame
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver import GpsdDecoder, ReceiverLink
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.ubx import UbxDecoder, make_frame
 from agribot.ui.receiver_view import ReceiverView
 from tests.drivers import receiver_bytes as written
 

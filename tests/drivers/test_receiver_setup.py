@@ -11,11 +11,11 @@ import threading
 import pytest
 from pyubx2 import GET, SET, UBX_CONFIG_DATABASE, UBXMessage, UBXReader
 
-from agribot.cli import gnss
 from agribot.cli.main import main
+from agribot.cli.tools import gnss
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers.ubx import UbxDecoder, UbxFrame, make_frame
-from agribot.drivers.ubx_setup import ACK, MON_VER, NAK, ReceiverSetup, SetupPlan, write_setup
+from agribot.drivers.gnss.ubx import UbxDecoder, UbxFrame, make_frame
+from agribot.drivers.gnss.ubx_setup import ACK, MON_VER, NAK, ReceiverSetup, SetupPlan, write_setup
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line
 from tests.drivers.test_real_gpsd import speaking

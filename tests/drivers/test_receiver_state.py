@@ -12,9 +12,9 @@ import pytest
 from agribot.core.geo import yaw_from_compass_deg
 from agribot.core.messages import GnssHeading, GnssStatus, Inbox, RobotCommand, SensorBatch
 from agribot.core.platform import MixedPlatform, Sensor
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver import GpsdDecoder
-from agribot.drivers.receiver_decoder import HeadingMount, ReceiverDecoder
+from agribot.drivers.gnss.nmea import write_sentence
+from agribot.drivers.gnss.receiver import GpsdDecoder
+from agribot.drivers.gnss.receiver_decoder import HeadingMount, ReceiverDecoder
 from tests.drivers import receiver_bytes as written
 
 SECOND = dt.timedelta(seconds=1)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.drivers import rosserial
-from agribot.drivers.rosserial import RosserialHost, TopicMessage, make_packet, read_string
+from agribot.drivers.board import rosserial
+from agribot.drivers.board.rosserial import RosserialHost, TopicMessage, make_packet, read_string
 from tests.drivers.rosserial_bytes import IMU, LINE, make_message, make_text, make_topic
 
 

@@ -13,7 +13,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import OtherSample
 from agribot.core.platform import Sensor
 from agribot.description.loader import load_robot
-from agribot.drivers import schemes
+from agribot.drivers.line import schemes
 from agribot.record.replay import read_ticks
 from agribot.ros.messages.sensor_readers import make_readers
 

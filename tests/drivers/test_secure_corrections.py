@@ -18,8 +18,9 @@ from agribot.core.errors import ConfigError
 from agribot.core.fact_text import render
 from agribot.core.facts import CorrectionsCome
 from agribot.core.messages import DeviceNote
-from agribot.drivers import caster_login, ntrip
-from agribot.drivers.corrections import CorrectionLink, CorrectionTiming, make_tls
+from agribot.drivers.gnss import ntrip
+from agribot.drivers.gnss.corrections import CorrectionLink, CorrectionTiming, make_tls
+from agribot.drivers.line import caster_login
 from tests import machine
 from tests.drivers.caster import STATION, YES, FakeCaster, make_observation
 from tests.drivers.lines import Line, Opened, speak_ubx

@@ -22,10 +22,10 @@ from agribot.core.messages import (
     RobotCommand,
 )
 from agribot.description.loader import load_robot
-from agribot.drivers import board_kinds, odrive, vesc, vesc_packets
-from agribot.drivers.board_link import BoardLink
+from agribot.drivers.board import board_kinds, odrive, vesc, vesc_packets
+from agribot.drivers.board.board_link import BoardLink
+from agribot.drivers.board.motor_board import BoardReport, MotorBoard
 from agribot.drivers.hardware_platform import HardwarePlatform
-from agribot.drivers.motor_board import BoardReport, MotorBoard
 from tests.asking import ask
 from tests.drivers.esc_fakes import CLOSED_LOOP, IDLE, FakeOdrive, FakeVesc
 

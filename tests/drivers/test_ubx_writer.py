@@ -11,11 +11,11 @@ from pyubx2 import UBXMessage, UBXReader
 
 from agribot.core.facts import LineClean, LineNoisy
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality
-from agribot.drivers import ubx
-from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch
-from agribot.drivers.receiver import ReceiverLink
-from agribot.drivers.receiver_decoder import ReceiverDecoder
-from agribot.drivers.ubx_writer import RUN_BEGINS, write_fix, write_heading
+from agribot.drivers.gnss import ubx
+from agribot.drivers.gnss.receiver import ReceiverLink
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.ubx_writer import RUN_BEGINS, write_fix, write_heading
+from agribot.drivers.line.line_watch import MANY, WITHIN_S, LineWatch
 
 M_PER_DEG = 111_320.0
 LATENCY_S = 0.1

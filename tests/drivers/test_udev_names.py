@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from agribot.drivers.found_devices import find_devices
-from agribot.drivers.udev_names import read_properties, write_rule
+from agribot.drivers.probe.found_devices import find_devices
+from agribot.drivers.probe.udev_names import read_properties, write_rule
 from tests.drivers.device_tree import link, plug_serial, put
 
 # What `udevadm info` says of a Mega 2560 on a Raspberry Pi 4, and of two boards with a CH340 on a

@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 
 from agribot.core.messages import FloatArray
-from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
-from agribot.drivers.board_protocol import (
+from agribot.drivers.board.board_codec import BoardDecoder, BoardEncoder
+from agribot.drivers.board.board_protocol import (
     AckResult,
     BoardAck,
     BoardConfig,

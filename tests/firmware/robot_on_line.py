@@ -7,7 +7,7 @@ import datetime as dt
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from agribot.drivers.board_protocol import GRAVITY_MPS2
+from agribot.drivers.board.board_protocol import GRAVITY_MPS2
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import STEP_S, BoardOnLine
 from firmware.build import PREBUILT

@@ -16,11 +16,11 @@ from agribot.core.messages import (
     SensorBatch,
 )
 from agribot.description.loader import load_robot
-from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
-from agribot.drivers.board_kinds import open_board
-from agribot.drivers.board_protocol import BAUD, BoardMessage, BoardState, ClearLatch
-from agribot.drivers.byte_streams import ByteStream, SerialStream
+from agribot.drivers.board.board_codec import BoardDecoder, BoardEncoder
+from agribot.drivers.board.board_kinds import open_board
+from agribot.drivers.board.board_protocol import BAUD, BoardMessage, BoardState, ClearLatch
 from agribot.drivers.hardware_platform import HardwarePlatform
+from agribot.drivers.line.byte_streams import ByteStream, SerialStream
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine, main, name_source
 from firmware.build import PREBUILT

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from agribot.core.messages import ImuSample, MagSample, Vec3
-from agribot.drivers import imu_devices
-from agribot.drivers.board_codec import BoardDecoder, encode
-from agribot.drivers.board_protocol import (
+from agribot.drivers.board.board_codec import BoardDecoder, encode
+from agribot.drivers.board.board_protocol import (
     GRAVITY_MPS2,
     LAYOUT,
     MAG_LSB_T,
@@ -24,11 +23,12 @@ from agribot.drivers.board_protocol import (
     BoardKind,
     BoardVersion,
 )
-from agribot.drivers.imu_devices import ImuDevice, Measured
-from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
-from agribot.drivers.rosserial import RosserialHost, TopicMessage, read_string
-from agribot.drivers.schemes import read_uri
-from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.board.letter_imu import LetterImuDecoder, read_axes
+from agribot.drivers.board.rosserial import RosserialHost, TopicMessage, read_string
+from agribot.drivers.imu import imu_devices
+from agribot.drivers.imu.imu_devices import ImuDevice, Measured
+from agribot.drivers.line.schemes import read_uri
+from agribot.drivers.line.uri_options import UriOptions
 from firmware.bench.avr_bench import MPU, AvrBench
 from firmware.build import PREBUILT, build_imu_board
 from tests import machine, nightly

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from agribot.description.loader import load_robot
-from agribot.drivers.agribot_board import AgribotBoard
-from agribot.drivers.board_codec import FORMATS, stuff
-from agribot.drivers.board_kinds import open_board
-from agribot.drivers.board_protocol import (
+from agribot.drivers.board.agribot_board import AgribotBoard
+from agribot.drivers.board.board_codec import FORMATS, stuff
+from agribot.drivers.board.board_kinds import open_board
+from agribot.drivers.board.board_protocol import (
     ACCEL_RANGE_G,
     COMMAND_TIMEOUT_S,
     GRAVITY_MPS2,

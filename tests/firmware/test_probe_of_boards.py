@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot.drivers.byte_streams import SerialStream
-from agribot.drivers.line_answers import LineAnswer
-from agribot.drivers.line_probe import LineProbe, order_bauds
+from agribot.drivers.line.byte_streams import SerialStream
+from agribot.drivers.probe.line_answers import LineAnswer
+from agribot.drivers.probe.line_probe import LineProbe, order_bauds
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine
 from firmware.build import PREBUILT

@@ -16,8 +16,8 @@ import shapely
 
 from agribot.app.field_work import plan_field_file
 from agribot.autonomy.plan.coverage.area import FieldArea
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
+from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.errors import MissionError

@@ -15,7 +15,7 @@ import shapely
 
 from agribot.app.field_work import plan_field_file
 from agribot.autonomy.plan.coverage.area import FieldArea
-from agribot.autonomy.plan.waypoint_text import parse_waypoints
+from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.errors import MissionError

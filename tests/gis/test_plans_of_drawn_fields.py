@@ -14,9 +14,9 @@ import pytest
 import shapely
 
 from agribot.autonomy.plan.coverage.area import FieldPlan, PlanRequest, TurnStyle
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import Footprint, measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.ways.footprint import Footprint, measure_footprint
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray
 from agribot.description.loader import load_robot

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from agribot.cli.main import main
-from agribot.drivers.agribot_board import AgribotBoard, make_board
+from agribot.drivers.board.agribot_board import AgribotBoard, make_board
 from agribot.record.replay import read_ticks
 from tests import machine, nightly
 from tests.mission.conftest import start_before_a_row

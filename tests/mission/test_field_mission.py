@@ -11,8 +11,8 @@ import shapely
 
 from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_sweep import sweep_footprint
+from agribot.autonomy.plan.coverage.plan_sweep import sweep_footprint
+from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.cli.main import main
 from agribot.core.config import RunConfig, load
 from agribot.core.facts import ReturnedHome

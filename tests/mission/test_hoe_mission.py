@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core import config
 from agribot.core.messages import PlantClass
 from agribot.record.replay import read_ticks

@@ -10,7 +10,7 @@ import pytest
 
 from agribot.app.mission_file import read_mission
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core import config
 from agribot.core.facts import RowsUnproven
 from agribot.core.messages import MissionStatus

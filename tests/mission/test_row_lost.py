@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import RunConfig, load
 from agribot.core.world import WorldSpec
 from agribot.description.worlds_sdf import load_run_world

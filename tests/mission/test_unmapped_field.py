@@ -12,7 +12,7 @@ import pytest
 
 from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import SimulatedRun, simulate
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import RunConfig, load
 from agribot.core.facts import NoRowInView, RowOutOfView
 from agribot.core.messages import FloatArray, Row

@@ -59,7 +59,7 @@ def kill_a_run(out: Path, after_s: float) -> Killed:
 def main() -> None:
     """The run itself, which says after each tick how far it is."""
     from agribot.app.simulated_run import simulate
-    from agribot.cli.page import Pacer
+    from agribot.cli.run.page import Pacer
     from agribot.core import config
 
     settings = config.load("farm", ["perception.enabled=false"])

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.cli.doctor_runs import check_dropouts
+from agribot.cli.doctor.doctor_runs import check_dropouts
 from agribot.core.fact_text import render
 from agribot.core.facts import ComesAndGoes, ComingAndGoing
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, SensorBatch, WheelSample

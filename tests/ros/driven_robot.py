@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from agribot.app.simulated_run import SimulatedRun, simulate
-from agribot.cli import bridging
+from agribot.cli.run import bridging
 from agribot.core import config
 from tests.waiting import PATIENCE_S
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from agribot.cli.joint_jogging import add_joint_arguments, open_jogger
 from agribot.cli.main import main
+from agribot.cli.run.joint_jogging import add_joint_arguments, open_jogger
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.topics import Topic
 from agribot.description.jog_joints import read_jog_joints

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.cli.live_overlay import STRIP_PX
+from agribot.cli.data.live_overlay import STRIP_PX
 from agribot.cli.main import main
 from agribot.core.messages import ByteArray
 from agribot.core.topics import Qos, Topic

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.ways.curves import Place
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame

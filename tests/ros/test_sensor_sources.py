@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from agribot.app.simulated_run import simulate
-from agribot.cli import bridging, sensor_sources
 from agribot.cli.main import main
+from agribot.cli.run import bridging, sensor_sources
 from agribot.core import config
 from agribot.core.facts import SourceHeard, SourceSilent
 from agribot.core.geo import MapFrame

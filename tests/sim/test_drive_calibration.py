@@ -14,9 +14,9 @@ import pytest
 
 from agribot import description
 from agribot.app.calibration import figure
+from agribot.app.calibration.drive_fit import fit_drive
+from agribot.app.calibration.drive_log import Stretch
 from agribot.app.calibration.figure import FIGURE, DriveSamples, drive_figure, measure_gain
-from agribot.autonomy.estimate.drive_fit import fit_drive
-from agribot.autonomy.estimate.drive_log import Stretch
 from agribot.cli import main as cli
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.core.errors import MissionError, PlatformError

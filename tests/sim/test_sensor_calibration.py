@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.app.calibration.drive_log import DriveLog
 from agribot.app.calibration.figure import TURNS, DriveSamples, drive_figure
 from agribot.app.calibration.sensors import calibrate_antenna, calibrate_magnetometer
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.estimate.compass import yaw_of
-from agribot.autonomy.estimate.drive_log import DriveLog
-from agribot.autonomy.estimate.mag_fit import Level, MagCalibration
+from agribot.autonomy.estimate.sensors.compass import yaw_of
+from agribot.autonomy.estimate.sensors.mag_fit import Level, MagCalibration
 from agribot.cli import main as cli
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig, load
 from agribot.core.errors import MissionError

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.slope import slide_m
+from agribot.autonomy.estimate.filter.slope import slide_m
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.core.messages import DriveCommand, FloatArray, RobotCommand
 from agribot.core.robot import Origin, RobotSpec, Shape

@@ -11,8 +11,8 @@ from agribot.core.refusal import MissionRefusal
 
 pytest.importorskip("starlette")
 from agribot.app.field_work import read_work
-from agribot.autonomy.plan.route import Route
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.route import Route
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import load
 from agribot.core.geo import MapFrame
 from agribot.description.loader import load_robot

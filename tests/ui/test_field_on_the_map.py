@@ -7,7 +7,7 @@ import math
 import pytest
 
 from agribot.autonomy.plan.coverage.area import FieldArea
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core import config
 from agribot.ui.ground import field_of
 

@@ -11,7 +11,7 @@ import pytest
 
 from agribot.app.simulated_run import simulate
 from agribot.app.tasks import choose_task
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.task import Task
 from agribot.core import config
 from agribot.core.config import MissionConfig
 from agribot.core.facts import BeyondFence, PositionLost, TooFarAway

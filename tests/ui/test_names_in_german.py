@@ -10,7 +10,7 @@ from typing import get_args
 import agribot
 from agribot.app.calibration.kinds import KINDS
 from agribot.autonomy.control.hazards import CHECKS
-from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.autonomy.plan.mission.errand_kind import ErrandKind
 from agribot.core.implement.plants import REASONS
 from agribot.core.messages import GateState, MissionState, SensorState
 from agribot.record.events import EventKind

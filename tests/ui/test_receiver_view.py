@@ -22,10 +22,10 @@ from agribot.core.messages import (
     Satellite,
     SensorBatch,
 )
-from agribot.drivers.corrections import CorrectionLink
-from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch
-from agribot.drivers.ntrip import Caster
-from agribot.drivers.rtcm import RtcmMessage
+from agribot.drivers.gnss.corrections import CorrectionLink
+from agribot.drivers.gnss.ntrip import Caster
+from agribot.drivers.gnss.rtcm import RtcmMessage
+from agribot.drivers.line.line_watch import MANY, WITHIN_S, LineWatch
 from agribot.record.recorder import RunRecorder
 from agribot.ui import wire
 from agribot.ui.receiver_view import MOST_SHOWN, STATUS_LATE_S, ReceiverView

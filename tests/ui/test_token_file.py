@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 pytest.importorskip("starlette")
-from agribot.cli.page import add_address_arguments, choose_address
+from agribot.cli.run.page import add_address_arguments, choose_address
 from agribot.core.errors import ConfigError
 from agribot.ui.address import Address
 from agribot.ui.robot_side.token_file import read_or_make_tokens

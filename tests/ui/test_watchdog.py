@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from agribot.app.simulated_run import SimulatedRun, simulate
-from agribot.cli.page import Pacer
+from agribot.cli.run.page import Pacer
 from agribot.core import config
 from agribot.core.messages import TickRecord
 from agribot.ui import wire

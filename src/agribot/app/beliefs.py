@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from agribot.autonomy.plan.row_log import RowResult
+from agribot.autonomy.plan.mission.row_log import RowResult
 from agribot.core.arithmetic import clamp
 from agribot.core.messages import Row, TickRecord
 from agribot.core.row_shape import row_length_m

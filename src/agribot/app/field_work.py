@@ -8,10 +8,10 @@ from pathlib import Path
 from agribot.app.keep_out import settle_keep_out
 from agribot.autonomy.plan.coverage.area import PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.coverage.plan_certificate import Certificate, certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import Certificate, certify_plan
-from agribot.autonomy.plan.tool_gaps import warn_of_gaps
+from agribot.autonomy.plan.coverage.tool_gaps import warn_of_gaps
+from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec

@@ -14,8 +14,8 @@ import numpy as np
 
 from agribot.core.messages import WHEEL_NAMES, Four
 from agribot.core.robot import DriveSpec
-from agribot.drivers.board_codec import unstuff
-from agribot.drivers.board_protocol import BoardImu
+from agribot.drivers.board.board_codec import unstuff
+from agribot.drivers.board.board_protocol import BoardImu
 from agribot.sim.faults.motors import list_torque_shares
 
 if TYPE_CHECKING:

@@ -35,10 +35,10 @@ from agribot.core.messages import (
 )
 from agribot.core.messages.sensors import join_batches
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.drivers.agribot_board import TOOL_OUTPUTS, make_board
-from agribot.drivers.board_link import BoardLink
-from agribot.drivers.schemes import SourceUri
-from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.board.agribot_board import TOOL_OUTPUTS, make_board
+from agribot.drivers.board.board_link import BoardLink
+from agribot.drivers.line.schemes import SourceUri
+from agribot.drivers.line.uri_options import UriOptions
 from agribot.sim.faults.boards import hush_inputs
 
 if TYPE_CHECKING:

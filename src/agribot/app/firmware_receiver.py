@@ -7,9 +7,9 @@ from typing import Any
 
 from agribot.app.firmware_faults import LineNoise
 from agribot.core.messages import SensorBatch
-from agribot.drivers.receiver import ReceiverLink
-from agribot.drivers.receiver_decoder import ReceiverDecoder
-from agribot.drivers.ubx_writer import FRAMES_OF_FIX, write_fix, write_heading
+from agribot.drivers.gnss.receiver import ReceiverLink
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss.ubx_writer import FRAMES_OF_FIX, write_fix, write_heading
 
 
 class FirmwareReceiver:

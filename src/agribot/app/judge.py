@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from agribot.core.messages import MappedPlant, MapPoint, Row, TickRecord
-from agribot.sim.row_judge import FoundRowsScore
-from agribot.sim.safety_judge import SafetyScore
-from agribot.sim.scores import EstimateScore, RefereeState, TrackingScore, WeedScore
+
+if TYPE_CHECKING:
+    from agribot.sim.row_judge import FoundRowsScore
+    from agribot.sim.safety_judge import SafetyScore
+    from agribot.sim.scores import EstimateScore, RefereeState, TrackingScore, WeedScore
 
 
 class Judge(Protocol):

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot.autonomy.estimate.stem_map import StemMap
+from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.weeds.plant_table import is_crop, move_to_datum
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError

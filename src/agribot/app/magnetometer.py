@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from agribot.core.config import RunConfig
 from agribot.core.robot import RobotSpec
-from agribot.sim.sensors.presets import load_preset
 
 
 def has_magnetometer(robot: RobotSpec, config: RunConfig) -> bool:
@@ -14,4 +13,8 @@ def has_magnetometer(robot: RobotSpec, config: RunConfig) -> bool:
     """
     if robot.mag is None:
         return False
-    return config.platform == "hardware" or load_preset(config.sim.sensors).mag != "none"
+    if config.platform == "hardware":
+        return True
+    from agribot.sim.sensors.presets import load_preset
+
+    return load_preset(config.sim.sensors).mag != "none"

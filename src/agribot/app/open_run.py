@@ -12,7 +12,7 @@ from agribot.app.run_setup import prepare_run
 from agribot.app.simulated_run import SimulatedRun
 from agribot.app.stop_memory import StopMemory
 from agribot.app.whole_job import JobSoFar
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.core.config import RunConfig
 from agribot.core.platforms import require_platform
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.row_shape import row_points_map_m

@@ -8,12 +8,11 @@ from typing import Any, Protocol, TypeVar
 import msgspec
 
 from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
-from agribot.app.fault_verdict import judge_crushes, judge_faults
 from agribot.app.interventions import compute_km_per_intervention, list_interventions
 from agribot.app.judge import Judge
 from agribot.app.unattended import INTERRUPTED
 from agribot.app.whole_job import JobSoFar, WholeJob
-from agribot.autonomy.plan.row_log import RowResult
+from agribot.autonomy.plan.mission.row_log import RowResult
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
 from agribot.core.facts import ObstacleInWay
@@ -34,6 +33,7 @@ from agribot.record.report import (
     BeliefReport,
     CrushReport,
     EstimateReport,
+    FaultReport,
     FoundRowsReport,
     ImplementReport,
     IouReport,
@@ -341,9 +341,15 @@ def _safety(
 ) -> SafetyReport:
     distance_m = job.believed.distance_m if drive.judge is None else mission.distance_m
     interventions = list_interventions(events)
-    faults = judge_faults(drive.config.faults, events)
-    safety, crushes = SafetyReport(), tuple[CrushReport, ...]()
+    faults, crushes = tuple[FaultReport, ...](), tuple[CrushReport, ...]()
+    safety = SafetyReport()
+    if drive.config.faults:
+        from agribot.app.fault_verdict import judge_faults
+
+        faults = judge_faults(drive.config.faults, events)
     if drive.judge is not None:
+        from agribot.app.fault_verdict import judge_crushes
+
         score = drive.judge.score_safety()
         crushes = judge_crushes(drive.config.faults, faults, score.crushes, score.stood_s)
         visits = tuple(_same_fields(visit, VisitReport) for visit in score.visits)

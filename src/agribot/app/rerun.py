@@ -27,7 +27,7 @@ from agribot.app.run_recording import (
     SAVED_ATTACHMENT,
 )
 from agribot.autonomy.perception_host import RecordedPerception
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig, assign, drop_none, from_tree

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from agribot.app.tasks import TasksUnderWay, choose_task
-from agribot.autonomy.estimate.stem_map import StemMap
+from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.stack import Stack, build
 from agribot.core.config import RunConfig

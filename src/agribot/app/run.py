@@ -22,11 +22,11 @@ from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.control.fence import measure_growth_m
 from agribot.autonomy.perception_host import PerceptionMeter
-from agribot.autonomy.plan.row_log import RowResult
-from agribot.autonomy.plan.rows import list_row_ends
-from agribot.autonomy.plan.speed import find_most_mps, warn_of_speeds
-from agribot.autonomy.plan.task import Task
-from agribot.autonomy.plan.tool_gaps import describe_gaps
+from agribot.autonomy.plan.coverage.tool_gaps import describe_gaps
+from agribot.autonomy.plan.mission.row_log import RowResult
+from agribot.autonomy.plan.mission.task import Task
+from agribot.autonomy.plan.ways.rows import list_row_ends
+from agribot.autonomy.plan.ways.speed import find_most_mps, warn_of_speeds
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import msgspec
 
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError

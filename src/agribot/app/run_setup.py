@@ -22,13 +22,12 @@ from agribot.app.tasks import read_goals
 from agribot.app.whole_job import JobSoFar
 from agribot.app.world_rows import take_world_rows
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.stack import Stack
 from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
 from agribot.core.platforms import list_must_report
 from agribot.core.robot import RobotSpec
-from agribot.sim.faults.schedule import read_faults
 
 PLAN_FILE = "plan.geojson"
 
@@ -88,7 +87,10 @@ def prepare_run(
     config = settle_keep_out(settle_origin(take_world_rows(_settle_inputs(config))))
     described = load_robot_of_run(config)
     config, notes, warnings = settle_declination(config, described, datetime.date.today())
-    read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
+    if config.faults:
+        from agribot.sim.faults.schedule import read_faults
+
+        read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)
     text = plan_text or read_plan_text(config)
     return RunSetup(

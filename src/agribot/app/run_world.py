@@ -9,8 +9,8 @@ from typing import NamedTuple
 import msgspec
 
 from agribot.app.calibration.measured_robot import apply_calibration
-from agribot.autonomy.estimate.gnss import MAX_FROM_DATUM_M
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.estimate.sensors.gnss import MAX_FROM_DATUM_M
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import CalibrationConfig, RunConfig
 from agribot.core.geo import Datum, MapFrame, rotation_from_rpy, rpy_from_rotation
 from agribot.core.messages import PlantClass, Row
@@ -22,9 +22,6 @@ from agribot.description.conditions import Conditions, draw_conditions, load_con
 from agribot.description.sdf_actors import load_figure
 from agribot.description.sowing import leave_out_crop
 from agribot.description.worlds_sdf import load_place, load_run_world
-from agribot.sim.faults.schedule import parse_fault
-from agribot.sim.random_streams import make_stream
-from agribot.sim.visitors import add_visitors
 
 
 class RunWorld(NamedTuple):
@@ -63,6 +60,8 @@ def make_run_world(config: RunConfig) -> RunWorld:
 
 def _invite(world: WorldSpec, config: RunConfig) -> WorldSpec:
     """Add those who step into the robot's way."""
+    from agribot.sim.visitors import add_visitors
+
     count = config.sim.visitors
     return add_visitors(world, count, config.seed, load_figure) if count else world
 
@@ -93,6 +92,9 @@ def _measure_apart_m(one: Datum, other: Datum) -> float:
 
 def _leave_out_crop(world: WorldSpec, rows: Sequence[Row], config: RunConfig) -> WorldSpec:
     """Leave out the crop that the faults of the settings take from the beginning."""
+    from agribot.sim.faults.schedule import parse_fault
+    from agribot.sim.random_streams import make_stream
+
     for fault in map(parse_fault, config.faults):
         if fault.name == "crop.gap":
             rng = make_stream(config.seed, f"fault {fault.name}")

@@ -17,10 +17,10 @@ from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.app.world_rows import check_rows
 from agribot.autonomy.perception_host import PerceptionHost
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.rows import lay_rows
-from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.task import Task
+from agribot.autonomy.plan.ways.footprint import measure_footprint
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.autonomy.stack import Stack
 from agribot.core.config import RunConfig
 from agribot.core.field_bounds import FieldBounds

@@ -8,14 +8,14 @@ from pathlib import Path as FilePath
 
 from agribot.app.field_work import read_work
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.errand import CHECKING
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.errand import CHECKING
+from agribot.autonomy.plan.mission.task import Task
 from agribot.autonomy.plan.tasks.explore_task import ExploreTask
 from agribot.autonomy.plan.tasks.field_task import CHECKING_S, FieldTask
 from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.autonomy.plan.tasks.visit_task import VisitTask
 from agribot.autonomy.plan.tasks.waypoint_task import WaypointTask
-from agribot.autonomy.plan.waypoints import parse_waypoints
+from agribot.autonomy.plan.ways.waypoints import parse_waypoints
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 
@@ -12,7 +12,7 @@ from agribot.app.beliefs import BeliefSums
 from agribot.app.judge import Judge
 from agribot.app.run_clock import Clock
 from agribot.autonomy.perception_host import PerceptionMeter
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import RecordingError
@@ -24,7 +24,6 @@ from agribot.record.mcap_file import find_damage
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
 from agribot.record.series import RunSeries, collect, join_series
-from agribot.sim.scores import RefereeState
 
 FILE_NAME = "job.json"
 RECORDING = "run.mcap"
@@ -47,7 +46,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
     used_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
-    judged: RefereeState | None = None
+    judged: dict[str, Any] | None = None
     plants: tuple[Track, ...] = ()
     implement: tuple[ReportLine, ...] = ()
     believed: BeliefSums = msgspec.field(default_factory=BeliefSums)
@@ -127,7 +126,7 @@ class WholeJob:
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
             used_s=self._used_s,
-            judged=None if self._run.judge is None else self._run.judge.export_state(),
+            judged=_export_judgement(self._run.judge),
             plants=self._run.weed_map.tracks,
             implement=add_lines(earlier.implement, self._run.implement_lines),
             believed=msgspec.structs.replace(self.believed),
@@ -147,11 +146,21 @@ class WholeJob:
         return series
 
 
-def _restore_judgement(judge: Judge | None, judged: RefereeState) -> list[str]:
+def _export_judgement(judge: Judge | None) -> dict[str, Any] | None:
+    """Write what a judge hands to the next run as values of JSON."""
+    return None if judge is None else msgspec.to_builtins(judge.export_state())
+
+
+def _restore_judgement(judge: Judge | None, judged: dict[str, Any]) -> list[str]:
     """Let the judge go on with an earlier judgement; what of it is lost, in words."""
     if judge is None:
         return ["what was measured before: no ground truth in this run"]
-    lost = judge.restore(judged)
+    from agribot.sim.scores import RefereeState
+
+    try:
+        lost = judge.restore(msgspec.convert(judged, RefereeState))
+    except msgspec.ValidationError as error:
+        lost = f"what was measured before: broken: {error}"
     return [lost] if lost else []
 
 

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from agribot.app.run_world import RunWorld
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig, RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, Row

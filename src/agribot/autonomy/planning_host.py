@@ -11,7 +11,7 @@ from collections.abc import Container
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-from agribot.autonomy.plan.planning import PlanningAtOnce, Work
+from agribot.autonomy.plan.mission.planning import PlanningAtOnce, Work
 
 
 class ThreadedPlanning:

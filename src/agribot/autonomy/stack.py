@@ -12,9 +12,9 @@ from agribot.autonomy.control.keep_out_fence import KeepOutFence
 from agribot.autonomy.control.obstacle_zone import ObstacleZone
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.corrections import load_corrections
+from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.mapped_rows import MappedRows
-from agribot.autonomy.estimate.stem_map import StemMap
+from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perceive.ground import GroundLookup
@@ -28,12 +28,12 @@ from agribot.autonomy.perception_host import (
     ThreadedPerception,
 )
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.keep_out import KeepOut
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.speed import find_most_mps
-from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.task import NewTasks, Task
+from agribot.autonomy.plan.ways.footprint import measure_footprint
+from agribot.autonomy.plan.ways.keep_out import KeepOut
+from agribot.autonomy.plan.ways.speed import find_most_mps
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig

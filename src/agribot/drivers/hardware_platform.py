@@ -23,12 +23,12 @@ from agribot.core.messages import (
     SensorBatch,
 )
 from agribot.core.robot import RobotSpec
-from agribot.drivers.board_kinds import open_board
-from agribot.drivers.board_link import BoardLink
-from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
-from agribot.drivers.clock_watch import ClockWatch
-from agribot.drivers.motor_board import MotorBoard
-from agribot.drivers.stream_writer import StreamWriter
+from agribot.drivers.board.board_kinds import open_board
+from agribot.drivers.board.board_link import BoardLink
+from agribot.drivers.board.motor_board import MotorBoard
+from agribot.drivers.line.byte_streams import ByteStream, OpenStream, StreamReader
+from agribot.drivers.line.clock_watch import ClockWatch
+from agribot.drivers.line.stream_writer import StreamWriter
 
 MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # settings of `calibration`
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from agribot.core.platform import Sensor
-from agribot.drivers.schemes import SourceContext, SourceUri
+from agribot.drivers.line.schemes import SourceContext, SourceUri
 from agribot.ros.messages.sensor_readers import make_image_readers, make_readers
 from agribot.ros.ros1.master import check_master
 from agribot.ros.topic_source import TopicSource, UntypedConnection

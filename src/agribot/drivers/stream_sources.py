@@ -11,21 +11,21 @@ from pathlib import Path
 
 from agribot.core.errors import ConfigError
 from agribot.core.platform import Sensor, SensorSource
-from agribot.drivers import gpsd, ntrip
-from agribot.drivers.byte_streams import (
+from agribot.drivers.gnss import gpsd, ntrip
+from agribot.drivers.gnss.corrections import make_tls
+from agribot.drivers.gnss.receiver import GpsdDecoder, ReceiverSource
+from agribot.drivers.gnss.receiver_decoder import HeadingMount, ReceiverDecoder
+from agribot.drivers.imu.imu_devices import ImuSource, make_imu
+from agribot.drivers.line.byte_streams import (
     ByteStream,
     OpenStream,
     SerialStream,
     TcpStream,
     describe_failure,
 )
-from agribot.drivers.caster_login import find_login
-from agribot.drivers.corrections import make_tls
-from agribot.drivers.imu_devices import ImuSource, make_imu
-from agribot.drivers.receiver import GpsdDecoder, ReceiverSource
-from agribot.drivers.receiver_decoder import HeadingMount, ReceiverDecoder
-from agribot.drivers.schemes import SourceContext, SourceUri
-from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.line.caster_login import find_login
+from agribot.drivers.line.schemes import SourceContext, SourceUri
+from agribot.drivers.line.uri_options import UriOptions
 
 # Least time from the epoch of a fix until its last byte: u-blox receivers compute for 40 to 100 ms
 # and send a NAV-PVT for 26 ms at 38400 baud.

@@ -18,7 +18,7 @@ from agribot.autonomy.plan.coverage.area import (
     MapLine,
     PlanRequest,
 )
-from agribot.autonomy.plan.plan_certificate import Certificate
+from agribot.autonomy.plan.coverage.plan_certificate import Certificate
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray

@@ -12,8 +12,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
-from agribot.autonomy.plan.plan_certificate import Certificate
-from agribot.autonomy.plan.plan_sweep import trace_tool
+from agribot.autonomy.plan.coverage.plan_certificate import Certificate
+from agribot.autonomy.plan.coverage.plan_sweep import trace_tool
 from agribot.core.messages import FloatArray
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 

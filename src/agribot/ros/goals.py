@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from agribot.autonomy.plan.errand import STANDING_MPS
-from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.autonomy.plan.mission.errand import STANDING_MPS
+from agribot.autonomy.plan.mission.errand_kind import ErrandKind
 from agribot.core.errors import BridgeError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, AskedElse, OwnPathOnly

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.autonomy.plan.mission.errand import STANDING_MPS
 from agribot.core.errors import BridgeError
 from agribot.core.messages import CorrectPose
 from agribot.ros.frames import PeerFrames

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from agribot.autonomy.plan.curves import Place
+from agribot.autonomy.plan.ways.curves import Place
 from agribot.core.errors import BridgeError
 from agribot.core.messages import (
     AddNote,

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from agribot.autonomy.plan.curves import SPACING_M, Place
+from agribot.autonomy.plan.ways.curves import SPACING_M, Place
 from agribot.core.errors import BridgeError, MissionError
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, Path

@@ -12,7 +12,7 @@ import pytest
 
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.robot_file import RobotFile
-from agribot.cli.run_settings import add_setting_arguments, read_settings
+from agribot.cli.run.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import CalibrationConfig
 from agribot.core.errors import ConfigError, DescriptionError, RecordingError

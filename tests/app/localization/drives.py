@@ -15,8 +15,8 @@ from rosbags.typesys.store import Typestore
 
 from agribot.core.geo import Datum, MapFrame, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality
-from agribot.drivers import nmea
-from agribot.drivers.ubx_writer import RUN_BEGINS, write_fix
+from agribot.drivers.gnss import nmea
+from agribot.drivers.gnss.ubx_writer import RUN_BEGINS, write_fix
 from agribot.record.bag.definitions import ros1_store, ros2_store
 from tests.record.bag.bag_samples import header
 

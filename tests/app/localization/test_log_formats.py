@@ -24,7 +24,7 @@ from agribot.core.messages import (
     MagSample,
     WheelSample,
 )
-from agribot.drivers.ubx_writer import RUN_BEGINS
+from agribot.drivers.gnss.ubx_writer import RUN_BEGINS
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.definitions import ros1_store, ros2_store
 from tests.app.localization import drives

@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.app.localization.imu_mount import SQUARE, ImuMount
 from agribot.app.localization.log import LogEntry, TwistSample
 from agribot.app.localization.log_scan import LogScan
 from agribot.app.localization.mounting import list_mount_notes
-from agribot.autonomy.estimate.imu_mount import SQUARE, ImuMount
 from agribot.core.messages import FloatArray, ImuSample
 from agribot.core.robot import DriveSpec
 from agribot.description.loader import load_robot

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.control.battery_watch import LASTING_S, BatteryWatch
-from agribot.autonomy.plan.errand import STOPPING
-from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.mission.errand import STOPPING
+from agribot.autonomy.plan.mission.mission import Mission
 from agribot.core.config import SafetyConfig
 from agribot.core.errors import MissionError
 from agribot.core.fact_text import render

@@ -10,13 +10,13 @@ import shapely
 
 from agribot.autonomy.control.follower import Follower, _Line
 from agribot.autonomy.control.supervise import Supervisor
-from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import Leg, LegKind
 from agribot.autonomy.plan.coverage.drive import sample_legs
 from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
-from agribot.autonomy.plan.curves import Segment, sample
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.curves import Segment, sample
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
 from agribot.core.facts import Fact
 from agribot.core.messages import (

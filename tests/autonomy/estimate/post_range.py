@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import msgspec
 
-from agribot.autonomy.estimate.correction import Correction, Measurements
-from agribot.autonomy.estimate.ekf import YAW, X, Y
-from agribot.autonomy.estimate.gate import Gate
-from agribot.autonomy.estimate.history import Epoch
-from agribot.autonomy.estimate.measurement import Measurement
-from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.filter.ekf import YAW, X, Y
+from agribot.autonomy.estimate.filter.gate import Gate
+from agribot.autonomy.estimate.filter.history import Epoch
+from agribot.autonomy.estimate.filter.measurement import Measurement
+from agribot.autonomy.estimate.sensors.correction import Correction, Measurements
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.core.messages import SensorBatch
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from agribot.autonomy.estimate.carry_watch import CarryWatch
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.witnesses.carry_watch import CarryWatch
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import RobotCarried
 from agribot.core.messages import ControlMission

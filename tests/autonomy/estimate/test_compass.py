@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.autonomy.estimate.compass import NoiseMeter, yaw_from_field
+from agribot.autonomy.estimate.sensors.compass import NoiseMeter, yaw_from_field
 from agribot.core.geo import rotation_from_rpy, wrap_rad
 
 UP = (0.0, 0.0, 1.0)

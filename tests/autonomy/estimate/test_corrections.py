@@ -10,9 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.correction import Ladder, Measurements
 from agribot.autonomy.estimate.corrections import CORRECTIONS
-from agribot.autonomy.estimate.ekf import (
+from agribot.autonomy.estimate.filter.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
     MAG_BIAS,
@@ -23,10 +22,11 @@ from agribot.autonomy.estimate.ekf import (
     X,
     Y,
 )
-from agribot.autonomy.estimate.history import Epoch, Motion
+from agribot.autonomy.estimate.filter.history import Epoch, Motion
+from agribot.autonomy.estimate.filter.measurement import Measurement
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.measurement import Measurement
-from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensors.correction import Ladder, Measurements
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.geo import MapFrame
 from agribot.core.messages import (

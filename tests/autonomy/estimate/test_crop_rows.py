@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.contradiction import Contradiction
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.witnesses.contradiction import Contradiction
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import Estimate, FloatArray
 from tests import nightly

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.crop_watch import CropWatch
-from agribot.autonomy.estimate.mapped_rows import MappedRows
+from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
+from agribot.autonomy.estimate.witnesses.crop_watch import CropWatch
 from agribot.core.messages import CropCover
 from agribot.core.pose import Pose2
 

@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.history import Motion
+from agribot.autonomy.estimate.filter.history import Motion
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.picture_watch import PictureWatch
-from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.witnesses.picture_watch import PictureWatch
+from agribot.autonomy.estimate.witnesses.row_agreement import RowAgreement
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import CameraAndGnssDisagree, Fact, GnssJumped, GnssRepeats, PictureFrozen
 from agribot.core.messages import (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.ekf import (
+from agribot.autonomy.estimate.filter.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
     GYRO_BIAS,
@@ -24,7 +24,7 @@ from agribot.autonomy.estimate.ekf import (
     X,
     Y,
 )
-from agribot.autonomy.estimate.gate import Gate
+from agribot.autonomy.estimate.filter.gate import Gate
 from agribot.core.messages import FloatArray
 
 NO_NOISE = MotionNoise(

@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.ekf import Ekf
-from agribot.autonomy.estimate.first_heading import FirstHeading
+from agribot.autonomy.estimate.filter.ekf import Ekf
+from agribot.autonomy.estimate.filter.motion_heading import WayPlace
+from agribot.autonomy.estimate.filter.start import StartMark
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.motion_heading import WayPlace
-from agribot.autonomy.estimate.start import StartMark
+from agribot.autonomy.estimate.sensors.first_heading import FirstHeading
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import HeadingAwaited, HeadingUnknown, StartTurned
 from agribot.core.geo import MapFrame

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from agribot.autonomy.estimate.fitness_watch import PICTURES, FitnessWatch
+from agribot.autonomy.estimate.witnesses.fitness_watch import PICTURES, FitnessWatch
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, PictureUnfit, TooDark
 from agribot.core.messages import Scene

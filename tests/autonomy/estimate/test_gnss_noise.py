@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.ekf import YAW
-from agribot.autonomy.estimate.gnss_noise import PositionNoise, fix_noise, widen
+from agribot.autonomy.estimate.filter.ekf import YAW
+from agribot.autonomy.estimate.sensors.gnss_noise import PositionNoise, fix_noise, widen
 from agribot.core.messages import GnssFix, GnssQuality
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import RTK, record, rows, stand

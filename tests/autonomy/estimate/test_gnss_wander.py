@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.gnss_noise import noise_model
-from agribot.autonomy.estimate.gnss_wander import GnssWander
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.sensors.gnss_noise import noise_model
+from agribot.autonomy.estimate.sensors.gnss_wander import GnssWander
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import FloatArray, RowLine
 from tests import nightly

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.heading import HeadingFilter, circular_median
+from agribot.autonomy.estimate.filter.heading import HeadingFilter, circular_median
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from agribot.autonomy.estimate.ekf import YAW
-from agribot.autonomy.estimate.heading_watch import HeadingWatch
+from agribot.autonomy.estimate.filter.ekf import YAW
+from agribot.autonomy.estimate.witnesses.heading_watch import HeadingWatch
 from agribot.core.facts import HeadingJumped
 from agribot.core.messages import ControlMission, SensorBatch
 from tests import nightly

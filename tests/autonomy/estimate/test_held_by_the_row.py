@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.estimate.ekf import YAW, X, Y
-from agribot.autonomy.estimate.gnss import Gnss
+from agribot.autonomy.estimate.filter.ekf import YAW, X, Y
 from agribot.autonomy.estimate.integrity import Bounds, Integrity
-from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensors.gnss import Gnss
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.core.config import EstimateConfig, FieldConfig
 from tests.autonomy.estimate.paper_robot import robot
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.filter.history import Motion, MotionHistory
 
 
 def straight(history: MotionHistory, last: int = 100) -> None:

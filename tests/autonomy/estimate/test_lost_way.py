@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from agribot.autonomy.estimate.lost_way import can_be_of_wheels, have_lost_way
-from agribot.autonomy.estimate.models import velocity_variance
+from agribot.autonomy.estimate.filter.models import velocity_variance
+from agribot.autonomy.estimate.witnesses.lost_way import can_be_of_wheels, have_lost_way
 from agribot.core.messages import GnssFix, GnssQuality
 
 STD_MPS = 0.03

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.compass import Compass
-from agribot.autonomy.estimate.mag_fit import PER_SECTOR, MagFit, MagFitted
+from agribot.autonomy.estimate.sensors.compass import Compass
+from agribot.autonomy.estimate.sensors.mag_fit import PER_SECTOR, MagFit, MagFitted
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import FloatArray
 from tests import nightly

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.field_rows import FieldRows
-from agribot.autonomy.estimate.mapped_rows import MappedRows
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.estimate.filter.field_rows import FieldRows
+from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 
 FIELD = FieldConfig(

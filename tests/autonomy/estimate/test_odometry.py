@@ -7,7 +7,7 @@ from collections import Counter
 
 import pytest
 
-from agribot.autonomy.estimate.odometry import Odometry, Step
+from agribot.autonomy.estimate.filter.odometry import Odometry, Step
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import ImuSample, Vec3, WheelSample
 from tests.autonomy.estimate.paper_robot import HALF_TRACK_M, RADIUS_M, YAW_MULTIPLIER, robot

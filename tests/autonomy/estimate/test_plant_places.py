@@ -10,8 +10,8 @@ from unittest.mock import ANY
 import msgspec
 import numpy as np
 
+from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import NoFixesYet, PlantsElsewhere, WhichRow
 from agribot.core.messages import ControlMission, Estimate, FloatArray, SensorBatch

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.caution import across_std_m
+from agribot.autonomy.plan.mission.caution import across_std_m
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import CorrectPose, Estimate, GnssFix, SensorBatch
 from tests import nightly

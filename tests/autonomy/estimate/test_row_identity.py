@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.field_rows import FieldRows, Rows
-from agribot.autonomy.estimate.mapped_rows import MappedRows
-from agribot.autonomy.estimate.row_identity import LOOK_M, RowIdentity
+from agribot.autonomy.estimate.filter.field_rows import FieldRows, Rows
+from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
+from agribot.autonomy.estimate.witnesses.row_identity import LOOK_M, RowIdentity
 from agribot.core.config import FieldConfig
 from agribot.core.facts import WhichRow
 from agribot.core.messages import FloatArray

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.row_line_noise import RowLineNoise
+from agribot.autonomy.estimate.sensors.row_line_noise import RowLineNoise
 from agribot.core.facts import RowHeadingsScatter, RowLinesScatter
 from agribot.core.messages import RowLine
 

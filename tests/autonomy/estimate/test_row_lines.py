@@ -7,12 +7,12 @@ import math
 import msgspec
 import pytest
 
-from agribot.autonomy.estimate.correction import Ladder
-from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
-from agribot.autonomy.estimate.history import Motion
+from agribot.autonomy.estimate.filter.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
+from agribot.autonomy.estimate.filter.history import Motion
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.row_lines import RowLines
+from agribot.autonomy.estimate.sensors.correction import Ladder
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensors.row_lines import RowLines
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import GroundPlant, PlantClass, RowLine, Scene
 from agribot.lab.bench.nav.scenario import ROWS, make_scenario

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agribot.autonomy.estimate.row_sight import SILENT_S, RowSight
+from agribot.autonomy.estimate.sensors.row_sight import SILENT_S, RowSight
 from agribot.core.config import FieldConfig
 from tests.autonomy.estimate.test_row_lines import Robot
 

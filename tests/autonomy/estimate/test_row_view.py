@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.row_view import Glance, fit_row_view
+from agribot.app.calibration.row_view import Glance, fit_row_view
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import RowLine

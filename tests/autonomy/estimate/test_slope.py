@@ -8,12 +8,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.correction import Ladder
-from agribot.autonomy.estimate.crop_rows import CropRows
-from agribot.autonomy.estimate.ekf import YAW, Ekf, X, Y
-from agribot.autonomy.estimate.history import Motion
-from agribot.autonomy.estimate.odometry import Odometry
-from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.filter.ekf import YAW, Ekf, X, Y
+from agribot.autonomy.estimate.filter.history import Motion
+from agribot.autonomy.estimate.filter.odometry import Odometry
+from agribot.autonomy.estimate.sensors.correction import Ladder
+from agribot.autonomy.estimate.sensors.crop_rows import CropRows
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.core.config import EstimateConfig, FieldConfig, MissionConfig
 from agribot.core.messages import FloatArray, GroundPlant, ImuSample, PlantClass, Scene, WheelSample
 from tests.autonomy.estimate.paper_robot import robot

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.estimate.filter.start import StartMark
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import StartAside, StartTurned
 from agribot.core.messages import Estimate, GnssFix, GnssQuality

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.wheel_odometry import OdometryReading, WheelOdometry
+from agribot.autonomy.estimate.filter.wheel_odometry import OdometryReading, WheelOdometry
 from agribot.core.messages import FloatArray, WheelSample
 from agribot.core.robot import DriveSpec
 from tests.autonomy.estimate.paper_robot import robot

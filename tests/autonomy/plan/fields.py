@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, PlanRequest
+from agribot.autonomy.plan.coverage.plan_certificate import Certificate, certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import Footprint
-from agribot.autonomy.plan.plan_certificate import Certificate, certify_plan
+from agribot.autonomy.plan.ways.footprint import Footprint
 
 SHAPE = Footprint(
     front_m=0.35,

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.explore.explorer import Explorer
-from agribot.autonomy.plan.route import AT_ORIGIN, Tool
-from agribot.autonomy.plan.saved_mission import PoseTuple
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.route import AT_ORIGIN, Tool
+from agribot.autonomy.plan.mission.saved_mission import PoseTuple
+from agribot.autonomy.plan.mission.task import Task
+from agribot.autonomy.plan.ways.curves import Place
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row

@@ -7,8 +7,7 @@ import math
 import msgspec
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.caution import (
+from agribot.autonomy.plan.mission.caution import (
     CREEP_RATIO,
     PATIENCE_S,
     WAIT_S,
@@ -17,8 +16,9 @@ from agribot.autonomy.plan.caution import (
     caution_ratio,
     protection_limit_m,
 )
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
 from agribot.core.facts import (
     CameraAndGnssDisagree,

@@ -4,9 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.certify import certify, find_closest_to_crop, trace_wheels_map_m
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.certify import certify, find_closest_to_crop, trace_wheels_map_m
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, Path

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agribot.autonomy.plan.curves import SPACING_M, Segment, find_end_pose, length_m, sample
-from agribot.autonomy.plan.dubins import find_shortest, list_words
+from agribot.autonomy.plan.ways.curves import SPACING_M, Segment, find_end_pose, length_m, sample
+from agribot.autonomy.plan.ways.dubins import find_shortest, list_words
 from agribot.core.errors import MissionError
 from agribot.core.pose import Pose2
 

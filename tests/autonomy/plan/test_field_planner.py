@@ -12,7 +12,7 @@ import shapely
 from agribot.autonomy.plan.coverage import swaths
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, MapLine, PlanRequest
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import Footprint, measure_footprint
+from agribot.autonomy.plan.ways.footprint import Footprint, measure_footprint
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
 from tests import nightly

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.curves import Segment, sample
 from agribot.autonomy.plan.explore.beside import Beside
 from agribot.autonomy.plan.explore.crop_view import CropView
 from agribot.autonomy.plan.explore.first_row import FirstRow
 from agribot.autonomy.plan.explore.found_row import FoundRow
 from agribot.autonomy.plan.explore.lay import KEPT_M, back_out, lay_on
+from agribot.autonomy.plan.ways.curves import Segment, sample
 from agribot.core.geo import is_backwards, wrap_rad
 from agribot.core.messages import FloatArray, RowLine
 from agribot.core.pose import Pose2

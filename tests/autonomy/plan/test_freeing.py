@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.freeing import LEAST_BACK_M, SAME_PLACE_M, TRIES, Trail
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.freeing import LEAST_BACK_M, SAME_PLACE_M, TRIES, Trail
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
 from agribot.core.facts import JustSetOff, Stuck
 from agribot.core.geo import is_backwards

@@ -10,7 +10,7 @@ import shapely
 
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.curves import Place
+from agribot.autonomy.plan.ways.curves import Place
 from agribot.core.facts import Fact, NoRoomToFace, PlaceUnfit, ThereAlready
 from agribot.core.refusal import MissionRefusal
 from tests.autonomy.plan.fields import REQUEST, ROW_REQUEST, ROWS, SHAPE, WITH_HOLE, certified

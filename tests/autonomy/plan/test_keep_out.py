@@ -15,11 +15,11 @@ from agribot.app.keep_out import read_keep_out, settle_keep_out
 from agribot.app.tasks import choose_task
 from agribot.autonomy.control.keep_out_fence import KeepOutFence
 from agribot.autonomy.control.supervise import Supervisor
-from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import FieldArea
-from agribot.autonomy.plan.keep_out import KeepOut
-from agribot.autonomy.plan.obstacles import Obstacles, make_obstacles
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.keep_out import KeepOut
+from agribot.autonomy.plan.ways.obstacles import Obstacles, make_obstacles
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.config import RunConfig, SafetyConfig

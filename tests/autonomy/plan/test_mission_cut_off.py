@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import msgspec
 import pytest
 
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import Task
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.task import Task
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.facts import AtGoal, AwayFromWork, CutOff, OnErrandOf, OnVisit
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, GoTo, MapPoint, Path, Visit

@@ -9,13 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
-from agribot.autonomy.plan.certify import certify
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.goal_way import make_fence, plan_to_place
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.task import Task
+from agribot.autonomy.plan.ways.boustrophedon import plan_home, plan_rows
+from agribot.autonomy.plan.ways.certify import certify
+from agribot.autonomy.plan.ways.curves import Place
+from agribot.autonomy.plan.ways.goal_way import make_fence, plan_to_place
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import (

@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.errand import STOPPING
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.requests import COLUMN_OF, TABLE, Column, Do, Ignore, Refuse
-from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.states import (
+from agribot.autonomy.plan.mission.errand import STOPPING
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.requests import COLUMN_OF, TABLE, Column, Do, Ignore, Refuse
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.states import (
     Driving,
     Ended,
     OnErrand,

@@ -9,11 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
-from agribot.autonomy.plan.certify import certify
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
-from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.saved_mission import PoseTuple, SavedMission
+from agribot.autonomy.plan.ways.boustrophedon import plan_home, plan_rows
+from agribot.autonomy.plan.ways.certify import certify
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.facts import AllRowsWorked, CarriedAway, NotResumed, ReturnedHome, RowsSkipped
 from agribot.core.messages import Estimate, FloatArray, Goal, Path

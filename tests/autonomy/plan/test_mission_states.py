@@ -7,11 +7,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.mission import SETTLE_S, Mission
-from agribot.autonomy.plan.rows import lay_rows
-from agribot.autonomy.plan.speed import warn_of_speeds
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.mission.mission import SETTLE_S, Mission
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
+from agribot.autonomy.plan.ways.speed import warn_of_speeds
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.core.fact_text import render
 from agribot.core.facts import (
     CameraAndGnssDisagree,

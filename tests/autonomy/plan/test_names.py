@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.errand import BATTERY, LOST, MISSION, STUCK, restore_errand, save_errand
-from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.autonomy.plan.mission.errand import (
+    BATTERY,
+    LOST,
+    MISSION,
+    STUCK,
+    restore_errand,
+    save_errand,
+)
+from agribot.autonomy.plan.mission.errand_kind import ErrandKind
 from agribot.core.messages import Goal, RequestWord
 from tests import nightly
 from tests.asking import BY_WORD, ask, go_to

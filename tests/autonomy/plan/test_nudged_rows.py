@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.job import MissionJob
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.row_log import MOST_NUDGED_M
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.job import MissionJob
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.row_log import MOST_NUDGED_M
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.facts import InNoRow, RowMovedFar, RowNotMoved
 from agribot.core.messages import Estimate, Path

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from agribot.app.tasks import TasksUnderWay, choose_task
-from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
-from agribot.autonomy.plan.curves import Segment, sample
-from agribot.autonomy.plan.goal_way import plan_to_place
-from agribot.autonomy.plan.obstacles import Obstacles, make_obstacles
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.ways.boustrophedon import plan_home, plan_rows
+from agribot.autonomy.plan.ways.curves import Segment, sample
+from agribot.autonomy.plan.ways.goal_way import plan_to_place
+from agribot.autonomy.plan.ways.obstacles import Obstacles, make_obstacles
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, FloatArray, Path

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, LegKind
-from agribot.autonomy.plan.plan_certificate import Certificate, certify_plan
+from agribot.autonomy.plan.coverage.plan_certificate import Certificate, certify_plan
 from tests.autonomy.plan.fields import (
     REQUEST,
     ROW_REQUEST,

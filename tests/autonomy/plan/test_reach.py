@@ -7,9 +7,9 @@ from unittest.mock import ANY
 import msgspec
 import pytest
 
-from agribot.autonomy.plan.job_start import plan_job
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.job_start import plan_job
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.facts import ErrandRefused, TooFarAway
 from agribot.core.messages import GoTo, MapPoint, Path, Row

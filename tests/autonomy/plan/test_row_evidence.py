@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.row_evidence import link_stretches, row_pitch_m
-from agribot.autonomy.plan.row_log import Doubt, RowLog
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.row_evidence import link_stretches, row_pitch_m
+from agribot.autonomy.plan.mission.row_log import Doubt, RowLog
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.facts import RowsUnproven, RowUnproven
 from agribot.core.messages import Estimate, GnssQuality, MissionStatus, Row

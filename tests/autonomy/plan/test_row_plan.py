@@ -6,11 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.certify import certify, find_closest_to_crop
-from agribot.autonomy.plan.curves import MIN_RADIUS_M
-from agribot.autonomy.plan.rows import lay_rows
-from agribot.autonomy.plan.speed import plan_speed_mps
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.certify import certify, find_closest_to_crop
+from agribot.autonomy.plan.ways.curves import MIN_RADIUS_M
+from agribot.autonomy.plan.ways.rows import lay_rows
+from agribot.autonomy.plan.ways.speed import plan_speed_mps
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Path, Row

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows, plan_without
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.row_recovery import SURE_M
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.row_recovery import SURE_M
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows, plan_without
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.facts import Fact, NoHeadway, PictureFrozen, RowLost, RowsSkipped
 from agribot.core.messages import Estimate, GnssQuality, Goal, MissionStatus, Path

@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows, plan_without
-from agribot.autonomy.plan.certify import certify
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows, plan_without
+from agribot.autonomy.plan.ways.certify import certify
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import RowsSkipped

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.core.errors import MissionError
 from tests.autonomy.plan.fields import REQUEST, ROW_REQUEST, ROWS, SHAPE, SQUARE, certified
 

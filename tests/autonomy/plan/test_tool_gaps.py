@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
-from agribot.autonomy.plan.tool_gaps import measure_gaps_m2, warn_of_gaps
+from agribot.autonomy.plan.coverage.tool_gaps import measure_gaps_m2, warn_of_gaps
 from agribot.description.loader import load_robot
 
 ROBOT = load_robot("agribot")

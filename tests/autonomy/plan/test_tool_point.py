@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import shapely
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.plan_sweep import trace_tool
-from agribot.autonomy.plan.route import Route, Tool
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
+from agribot.autonomy.plan.coverage.plan_sweep import trace_tool
+from agribot.autonomy.plan.mission.route import Route, Tool
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.footprint import measure_footprint
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray

@@ -11,9 +11,9 @@ import shapely
 
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, LegKind, TurnStyle
 from agribot.autonomy.plan.coverage.drive import FieldWork, sample_legs
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
-from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.speed import CREEP_MPS, find_pivots, plan_speed_mps
+from agribot.autonomy.plan.ways.speed import CREEP_MPS, find_pivots, plan_speed_mps
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
 from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, SQUARE, certified

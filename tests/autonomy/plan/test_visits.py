@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.curves import Segment, sample
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.task import Task
+from agribot.autonomy.plan.ways.curves import Segment, sample
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import GoalAwaited, NotResumed, Said

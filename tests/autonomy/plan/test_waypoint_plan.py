@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from agribot.autonomy.plan.certify import certify
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.ways.certify import certify
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import Fact, NoWaypoints, WaypointFar, WaypointsSame

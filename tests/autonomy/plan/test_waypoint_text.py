@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.autonomy.plan.waypoint_text import parse_waypoints
+from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
 from agribot.core.errors import MissionError
 
 lat_lon = st.tuples(st.floats(-90.0, 90.0), st.floats(-180.0, 180.0)).filter(any)

@@ -80,7 +80,7 @@ def test_an_adaptation_that_was_stopped_goes_on_to_the_same_weights(
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("agribot.cli.adapt._print_line", stop_at_first_step)
+        patch.setattr("agribot.cli.data.adapt._print_line", stop_at_first_step)
         assert adapt(photos, stopped) == 130
     assert not stopped.exists()
     monkeypatch.setattr(adapting, "see_rows", None)  # its rows are seen already

@@ -8,8 +8,8 @@ import pytest
 
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import (
     ControlConfig,
     EstimateConfig,

@@ -11,8 +11,8 @@ import pytest
 
 from agribot.app.field_work import read_work
 from agribot.app.mission_file import read_mission
-from agribot.autonomy.plan.errand_kind import ErrandKind
-from agribot.autonomy.plan.saved_mission import SavedErrand, SavedMission
+from agribot.autonomy.plan.mission.errand_kind import ErrandKind
+from agribot.autonomy.plan.mission.saved_mission import SavedErrand, SavedMission
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.fact_text import render

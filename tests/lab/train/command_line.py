@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from agribot.cli.train import add_arguments
+from agribot.cli.data.train import add_arguments
 
 
 def parsed(*words: str) -> argparse.Namespace:

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from agribot.autonomy.perceive.segmenter import model_path
-from agribot.cli.train_options import check_recipe_options
+from agribot.cli.data.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
 from agribot.lab.train.blend import blend_weights
 from agribot.lab.train.export import export_onnx

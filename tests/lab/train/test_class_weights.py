@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.core.errors import ConfigError
 from agribot.lab.train.card import ModelCard, read_held_out
 from agribot.lab.train.class_weights import compute_weights, count_classes

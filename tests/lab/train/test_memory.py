@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import nn
 
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.core.errors import ConfigError
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.memory import FirstAnswers

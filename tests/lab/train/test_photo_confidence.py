@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.lab.train.calibration import AS_TRAINED
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.export import read_temperatures

@@ -10,7 +10,7 @@ from PIL import Image
 
 pytest.importorskip("cv2")
 
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.core.errors import ConfigError
 from agribot.lab.train.photo_batches import ScaledPictures
 from agribot.lab.train.photo_source import make_photo_source

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-from agribot.cli.train import keep_temperatures, run
-from agribot.cli.train_options import check_recipe_options
+from agribot.cli.data.train import keep_temperatures, run
+from agribot.cli.data.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.bench import plant_scenes

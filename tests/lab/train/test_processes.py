@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES
 from agribot.lab.train.processes import TrainingGroup, join_group, leave_group
@@ -123,7 +123,7 @@ def test_several_processes_need_a_number_of_steps(
     monkeypatch.setattr(
         "agribot.lab.train.processes.join_group", lambda device: TrainingGroup(size=2)
     )
-    monkeypatch.setattr("agribot.cli.train._make_source", lambda args, device: None)
+    monkeypatch.setattr("agribot.cli.data.train._make_source", lambda args, device: None)
     monkeypatch.setattr("torch.distributed.barrier", lambda: None)
     with pytest.raises(ConfigError, match="--steps"):
         run(parsed("--minutes", "1", "--out", str(tmp_path)))

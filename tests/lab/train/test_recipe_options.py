@@ -5,8 +5,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.cli.train import run
-from agribot.cli.train_options import apply_recipe_options, check_recipe_options
+from agribot.cli.data.train import run
+from agribot.cli.data.train_options import apply_recipe_options, check_recipe_options
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.fit import Trainer, TrainingPlan

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.description.field_generator import generate_field

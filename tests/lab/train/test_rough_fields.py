@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agribot.cli.train_options import check_drawn_options
+from agribot.cli.data.train_options import check_drawn_options
 from agribot.core.errors import ConfigError
 from agribot.core.geo import transform
 from agribot.core.messages import PlantClass

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from agribot.autonomy.perceive.segmenter import Segmenter
-from agribot.cli.train import run
+from agribot.cli.data.train import run
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.train import cpu_meter, export, photo_source

@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.mission.mission import Mission
+from agribot.autonomy.plan.ways.boustrophedon import plan_rows
+from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core import topics
 from agribot.core.config import FieldConfig
 from agribot.core.geo import Datum, MapFrame

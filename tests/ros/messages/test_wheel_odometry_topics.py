@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agribot.app.run_world import make_run_world
-from agribot.autonomy.estimate.wheel_odometry import OdometryReading, WheelOdometry
+from agribot.autonomy.estimate.filter.wheel_odometry import OdometryReading, WheelOdometry
 from agribot.core import topics
 from agribot.core.config import load
 from agribot.core.geo import Datum

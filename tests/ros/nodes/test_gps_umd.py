@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from agribot.cli.node_runner import NodeRunner
+from agribot.cli.run.node_runner import NodeRunner
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.utm import UtmZone

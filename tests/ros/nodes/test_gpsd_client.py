@@ -13,7 +13,7 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.core.messages import GnssFix, GnssQuality, GnssStatus, Satellite
-from agribot.drivers.gpsd_reader import GpsdReader
+from agribot.drivers.gnss.gpsd_reader import GpsdReader
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.utm import find_zone
 from agribot.ros.nodes.gps_umd import UtmOdometry, UtmSettings, UtmToNavSatFix

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.control.go_to_goal import GoToGoal, GoToGoalSettings
-from agribot.autonomy.estimate.compass_heading import CompassHeading
-from agribot.autonomy.estimate.pole_origin import PoleOrigin
+from agribot.autonomy.estimate.sensors.compass_heading import CompassHeading
+from agribot.autonomy.estimate.sensors.pole_origin import PoleOrigin
 from agribot.core import topics
 from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, ImuSample, MagSample

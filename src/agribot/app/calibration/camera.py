@@ -14,8 +14,8 @@ import numpy as np
 from agribot.app.calibration.advice import format_advice
 from agribot.app.calibration.figure import DriveSamples
 from agribot.app.calibration.recorded_robot import read_measured_robot
+from agribot.app.calibration.row_view import Glance, RowViewFit, fit_row_view
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.row_view import Glance, RowViewFit, fit_row_view
 from agribot.autonomy.perceive.mount_fit import Look, MountFit, fit_mount, follow
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError

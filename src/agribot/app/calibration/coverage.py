@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.estimate.mag_fit import SECTORS, sector_of
+from agribot.autonomy.estimate.sensors.mag_fit import SECTORS, sector_of
 from agribot.core.messages import SensorBatch
 
 

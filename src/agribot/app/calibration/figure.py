@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from agribot.autonomy.estimate.drive_fit import DriveFit
-from agribot.autonomy.estimate.drive_log import DriveLog, Stretch
+from agribot.app.calibration.drive_fit import DriveFit
+from agribot.app.calibration.drive_log import DriveLog, Stretch
 from agribot.core.errors import PlatformError
 from agribot.core.messages import DriveCommand, RobotCommand, Scene, SensorBatch
 from agribot.core.platform import Platform

@@ -10,6 +10,8 @@ import msgspec
 import numpy as np
 
 from agribot.app.calibration.camera import assess_row_view, calibrate_camera, observe_figure
+from agribot.app.calibration.drive_fit import fit_drive
+from agribot.app.calibration.drive_log import DriveLog
 from agribot.app.calibration.figure import (
     ALONG_ROW,
     FIGURE,
@@ -26,9 +28,7 @@ from agribot.app.calibration.sensors import (
     measure_compass_errors,
 )
 from agribot.app.calibration.wheels import list_complaints, make_wheel_settings, yaw_multiplier
-from agribot.autonomy.estimate.drive_fit import fit_drive
-from agribot.autonomy.estimate.drive_log import DriveLog
-from agribot.autonomy.estimate.mag_fit import MagCalibration
+from agribot.autonomy.estimate.sensors.mag_fit import MagCalibration
 from agribot.core.config import RunConfig
 from agribot.core.geo import rpy_from_rotation
 from agribot.core.messages import WHEEL_NAMES

@@ -11,11 +11,17 @@ import msgspec
 import numpy as np
 
 from agribot.app.calibration.advice import format_advice
+from agribot.app.calibration.antenna_fit import AntennaFit, fit_antenna
+from agribot.app.calibration.drive_log import DriveLog
 from agribot.app.calibration.figure import DriveSamples
-from agribot.autonomy.estimate.antenna_fit import AntennaFit, fit_antenna
-from agribot.autonomy.estimate.compass import level_field, yaw_of
-from agribot.autonomy.estimate.drive_log import DriveLog
-from agribot.autonomy.estimate.mag_fit import SECTORS, MagCalibration, MagFit, MagFitted, sector_of
+from agribot.autonomy.estimate.sensors.compass import level_field, yaw_of
+from agribot.autonomy.estimate.sensors.mag_fit import (
+    SECTORS,
+    MagCalibration,
+    MagFit,
+    MagFitted,
+    sector_of,
+)
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, SensorBatch, Vec3

@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 
 from agribot.app.calibration.advice import format_advice
+from agribot.app.calibration.drive_fit import DriveFit
 from agribot.app.calibration.figure import Gain
 from agribot.app.calibration.measured_robot import MOST_RADIUS_RATIO, MOST_YAW_RATIO
-from agribot.autonomy.estimate.drive_fit import DriveFit
 from agribot.core.robot import DriveSpec
 
 

@@ -17,7 +17,7 @@ from agribot.app.calibration.figure import FigureDrive
 from agribot.app.calibration.kinds import KINDS, CalibrationResult, Kind
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.magnetometer import has_magnetometer
-from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.autonomy.plan.mission.errand import STANDING_MPS
 from agribot.core.config import RunConfig
 from agribot.core.errors import AgribotError
 from agribot.core.facts import (

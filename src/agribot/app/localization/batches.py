@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
+from agribot.app.localization.imu_mount import ImuMount
 from agribot.app.localization.log import LogEntry, TwistSample
-from agribot.autonomy.estimate.imu_mount import ImuMount
 from agribot.core.messages import (
     BaseFix,
     GnssFix,

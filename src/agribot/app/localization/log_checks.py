@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from agribot.app.localization.imu_mount import GRAVITY_MPS2, LEAST_GRAVITY_MPS2, SURE_RAD
 from agribot.app.localization.log import LogSensor, RobotLog
 from agribot.app.localization.log_scan import LogScan, SensorScan
-from agribot.autonomy.estimate.imu_mount import GRAVITY_MPS2, LEAST_GRAVITY_MPS2, SURE_RAD
 from agribot.core.errors import RecordingError
 
 NEEDED: dict[LogSensor, str] = {

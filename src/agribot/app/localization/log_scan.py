@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from agribot.app.localization.fix_ways import FixWays, WheelWay
+from agribot.app.localization.imu_mount import ImuMountFit
 from agribot.app.localization.log import LogEntry, LogSensor, RobotLog, TwistSample
 from agribot.app.localization.time_order import order_by_stamp
-from agribot.autonomy.estimate.imu_mount import ImuMountFit
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, Vec3, WheelSample
 from agribot.core.robot import DriveSpec
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
+from agribot.app.localization.imu_mount import AGREE_RAD, LEAST_GRAVITY_MPS2, ImuMount
 from agribot.app.localization.log_scan import LogScan
-from agribot.autonomy.estimate.imu_mount import AGREE_RAD, LEAST_GRAVITY_MPS2, ImuMount
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.geo import rotation_from_rpy, rpy_from_rotation
 from agribot.core.messages import FloatArray, Vec3

@@ -9,9 +9,9 @@ from pathlib import Path
 from agribot.app.localization.log import LogChannel, LogEntry
 from agribot.core.errors import RecordingError
 from agribot.core.messages import FloatArray, GnssFix, GnssHeading
-from agribot.drivers import nmea
-from agribot.drivers.receiver import GpsdDecoder
-from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.gnss import nmea
+from agribot.drivers.gnss.receiver import GpsdDecoder
+from agribot.drivers.gnss.receiver_decoder import ReceiverDecoder
 
 BLOCK_BYTES = 4096
 DATE_BYTES = 1 << 20  # bytes at the start in which a date is sought

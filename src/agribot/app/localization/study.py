@@ -10,6 +10,7 @@ import numpy as np
 
 from agribot.app.calibration.recorded_robot import read_measured_robot
 from agribot.app.localization.batches import make_batches
+from agribot.app.localization.imu_mount import ImuMount
 from agribot.app.localization.localize import LogPass, Tap, localize
 from agribot.app.localization.log import LogEntry, LogSensor, RobotLog, TwistSample
 from agribot.app.localization.log_checks import check_scan
@@ -29,7 +30,6 @@ from agribot.app.localization.mounting import (
     list_mount_notes,
 )
 from agribot.app.localization.time_order import RestampedLog, order_by_stamp
-from agribot.autonomy.estimate.imu_mount import ImuMount
 from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum

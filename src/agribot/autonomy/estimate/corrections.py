@@ -10,15 +10,15 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from agribot.autonomy.estimate.base_correction import BaseCorrection
-from agribot.autonomy.estimate.compass import Compass
-from agribot.autonomy.estimate.correction import Correction
-from agribot.autonomy.estimate.crop_rows import CropRows
-from agribot.autonomy.estimate.dual_heading import DualHeading
-from agribot.autonomy.estimate.gnss import Gnss
-from agribot.autonomy.estimate.plant_places import PlantPlaces
-from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.row_lines import RowLines
+from agribot.autonomy.estimate.sensors.base_correction import BaseCorrection
+from agribot.autonomy.estimate.sensors.compass import Compass
+from agribot.autonomy.estimate.sensors.correction import Correction
+from agribot.autonomy.estimate.sensors.crop_rows import CropRows
+from agribot.autonomy.estimate.sensors.dual_heading import DualHeading
+from agribot.autonomy.estimate.sensors.gnss import Gnss
+from agribot.autonomy.estimate.sensors.plant_places import PlantPlaces
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensors.row_lines import RowLines
 from agribot.core.errors import ConfigError
 from agribot.core.plugins import CORRECTIONS as GROUP
 from agribot.core.plugins import bind_settings, find_plugin

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from agribot.autonomy.estimate.crop_watch import CropWatch
-from agribot.autonomy.estimate.ekf import X, Y
-from agribot.autonomy.estimate.fitness_watch import FitnessWatch
-from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
-from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
-from agribot.autonomy.estimate.heading_watch import HeadingWatch
-from agribot.autonomy.estimate.mirror_watch import MirrorWatch
-from agribot.autonomy.estimate.picture_flow import PictureFlow
-from agribot.autonomy.estimate.picture_watch import PictureWatch
-from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
-from agribot.autonomy.estimate.scene_watch import SceneWatch
+from agribot.autonomy.estimate.filter.ekf import X, Y
+from agribot.autonomy.estimate.filter.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
+from agribot.autonomy.estimate.sensors.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.autonomy.estimate.verdicts import Finding, SensorName
+from agribot.autonomy.estimate.witnesses.crop_watch import CropWatch
+from agribot.autonomy.estimate.witnesses.fitness_watch import FitnessWatch
+from agribot.autonomy.estimate.witnesses.fix_watch import MAX_JUMP_M
+from agribot.autonomy.estimate.witnesses.heading_watch import HeadingWatch
+from agribot.autonomy.estimate.witnesses.mirror_watch import MirrorWatch
+from agribot.autonomy.estimate.witnesses.picture_flow import PictureFlow
+from agribot.autonomy.estimate.witnesses.picture_watch import PictureWatch
+from agribot.autonomy.estimate.witnesses.scene_watch import SceneWatch
 from agribot.core.facts import CameraAndGnssDisagree, Fact, FixesRejected
 from agribot.core.messages import GnssQuality, Scene, SensorState
 

@@ -16,11 +16,11 @@ from collections import deque
 from statistics import NormalDist
 from typing import NamedTuple
 
-from agribot.autonomy.estimate.ekf import ROW_OFFSET, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
-from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
-from agribot.autonomy.estimate.velocity_way import VelocityMark
+from agribot.autonomy.estimate.filter.ekf import ROW_OFFSET, SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.filter.slope import SLIDE_STD_RATIO
+from agribot.autonomy.estimate.sensors.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
+from agribot.autonomy.estimate.witnesses.velocity_way import VelocityMark
 from agribot.core.arithmetic import clamp
 from agribot.core.geo import std_along_m
 from agribot.core.pose import Pose2

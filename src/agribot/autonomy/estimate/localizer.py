@@ -6,26 +6,26 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from agribot.autonomy.estimate.compass import Compass
-from agribot.autonomy.estimate.correction import Correction, Ladder
 from agribot.autonomy.estimate.corrections import CORRECTIONS
-from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.autonomy.estimate.doubts import Doubts
-from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.autonomy.estimate.field_rows import Rows
-from agribot.autonomy.estimate.gate import Gate
-from agribot.autonomy.estimate.gnss import Gnss
-from agribot.autonomy.estimate.history import UNMOVED, Motion
+from agribot.autonomy.estimate.filter.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.filter.field_rows import Rows
+from agribot.autonomy.estimate.filter.gate import Gate
+from agribot.autonomy.estimate.filter.history import UNMOVED, Motion
+from agribot.autonomy.estimate.filter.lateness import Lateness, LeapWatch
+from agribot.autonomy.estimate.filter.measurement import Measurement
+from agribot.autonomy.estimate.filter.odometry import Odometry, Step
+from agribot.autonomy.estimate.filter.priors import motion_noise, slow_ageing
+from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.estimate.integrity import Integrity
-from agribot.autonomy.estimate.lateness import Lateness, LeapWatch
-from agribot.autonomy.estimate.measurement import Measurement
-from agribot.autonomy.estimate.odometry import Odometry, Step
-from agribot.autonomy.estimate.plant_places import PlantPlaces
-from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.priors import motion_noise, slow_ageing
-from agribot.autonomy.estimate.row_lines import RowLines
-from agribot.autonomy.estimate.row_sight import RowSight
-from agribot.autonomy.estimate.stem_map import StemMap
+from agribot.autonomy.estimate.sensors.compass import Compass
+from agribot.autonomy.estimate.sensors.correction import Correction, Ladder
+from agribot.autonomy.estimate.sensors.crop_rows import MIN_MOVED_M, CropRows
+from agribot.autonomy.estimate.sensors.gnss import Gnss
+from agribot.autonomy.estimate.sensors.plant_places import PlantPlaces
+from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensors.row_lines import RowLines
+from agribot.autonomy.estimate.sensors.row_sight import RowSight
 from agribot.autonomy.estimate.verdicts import SILENT_S, Finding, SensorName, VerdictTable
 from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig

@@ -16,11 +16,11 @@ from agribot.app.whole_job import read_job
 from agribot.app.workers import Stop
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
 from agribot.autonomy.plan.coverage.drive import MAX_LENGTH_M
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.errand_kind import ErrandKind
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.mission.errand_kind import ErrandKind
+from agribot.autonomy.plan.mission.saved_mission import SavedMission
+from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.config import load
 from agribot.core.errors import ConfigError, MissionError
 from agribot.core.messages import ControlMission, Inbox, TickRecord, Who

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from agribot.autonomy.estimate.wheel_odometry import OdometryReading, WheelOdometry
+from agribot.autonomy.estimate.filter.wheel_odometry import OdometryReading, WheelOdometry
 from agribot.core import topics
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import Estimate, SensorBatch

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agribot.autonomy.plan.waypoint_text import LatLon
+from agribot.autonomy.plan.ways.waypoint_text import LatLon
 from agribot.core import topics
 from agribot.core.messages import MissionState, MissionStatus
 from agribot.core.topics import Topic

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from agribot.autonomy.estimate.compass_heading import CompassHeading
+from agribot.autonomy.estimate.sensors.compass_heading import CompassHeading
 from agribot.core import topics
 from agribot.core.geo import compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import ImuSample, MagSample

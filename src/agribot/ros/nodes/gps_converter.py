@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from agribot.autonomy.estimate.pole_origin import PoleOrigin
+from agribot.autonomy.estimate.sensors.pole_origin import PoleOrigin
 from agribot.core import topics
 from agribot.core.geo import MapFrame, is_place, make_datum
 from agribot.core.topics import Topic

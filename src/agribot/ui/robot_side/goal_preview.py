@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.plan.errand import make_goal_errand
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.mission.errand import make_goal_errand
+from agribot.autonomy.plan.mission.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.facts import PositionLost
 from agribot.core.messages import Estimate

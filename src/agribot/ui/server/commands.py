@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from msgspec import UNSET
 
-from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.autonomy.plan.mission.errand import STANDING_MPS
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact
 from agribot.core.messages import AnyRequest, Who

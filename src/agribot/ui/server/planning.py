@@ -11,11 +11,11 @@ import msgspec
 from agribot.app.field_work import choose_width_m
 from agribot.autonomy.plan.coverage.area import FieldArea, MapLine, PlanRequest
 from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.footprint import measure_footprint
-from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.speed import find_most_mps, limit_speeds
-from agribot.autonomy.plan.tool_gaps import measure_gaps_m2, warn_of_gaps
+from agribot.autonomy.plan.coverage.tool_gaps import measure_gaps_m2, warn_of_gaps
+from agribot.autonomy.plan.ways.footprint import measure_footprint
+from agribot.autonomy.plan.ways.speed import find_most_mps, limit_speeds
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame

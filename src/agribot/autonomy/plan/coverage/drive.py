@@ -10,11 +10,11 @@ import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.coverage.free_space import FreeSpace
+from agribot.autonomy.plan.coverage.plan_certificate import check_crop, check_ways
 from agribot.autonomy.plan.coverage.ways import Ways
-from agribot.autonomy.plan.curves import SPACING_M, Place, make_path
-from agribot.autonomy.plan.footprint import Footprint
-from agribot.autonomy.plan.plan_certificate import check_crop, check_ways
-from agribot.autonomy.plan.speed import plan_speed_mps, time_left_s
+from agribot.autonomy.plan.ways.curves import SPACING_M, Place, make_path
+from agribot.autonomy.plan.ways.footprint import Footprint
+from agribot.autonomy.plan.ways.speed import plan_speed_mps, time_left_s
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import (

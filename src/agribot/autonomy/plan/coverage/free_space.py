@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
-from agribot.autonomy.plan.footprint import Footprint
+from agribot.autonomy.plan.ways.footprint import Footprint
 from agribot.core.errors import MissionError
 from agribot.core.facts import NoHeadland
 from agribot.core.messages import FloatArray, MapPoint

@@ -25,6 +25,7 @@ from agribot.autonomy.plan.coverage.free_space import (
     list_polygons,
     measure_crop_clearance_m,
 )
+from agribot.autonomy.plan.coverage.row_room import check_row_room
 from agribot.autonomy.plan.coverage.swaths import (
     add_room,
     group_cells,
@@ -41,8 +42,7 @@ from agribot.autonomy.plan.coverage.tasks import (
 )
 from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
-from agribot.autonomy.plan.footprint import Footprint
-from agribot.autonomy.plan.row_room import check_row_room
+from agribot.autonomy.plan.ways.footprint import Footprint
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.pose import Pose2

@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
-from agribot.autonomy.plan.curves import MIN_RADIUS_M, Segment, advance, find_end_pose, length_m
-from agribot.autonomy.plan.dubins import find_shortest
+from agribot.autonomy.plan.ways.curves import (
+    MIN_RADIUS_M,
+    Segment,
+    advance,
+    find_end_pose,
+    length_m,
+)
+from agribot.autonomy.plan.ways.dubins import find_shortest
 from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.pose import Pose2
 

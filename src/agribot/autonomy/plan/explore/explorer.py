@@ -12,14 +12,14 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
-from agribot.autonomy.plan.approach import plan_approach
-from agribot.autonomy.plan.curves import Segment, advance, sample
 from agribot.autonomy.plan.explore.beside import Beside
 from agribot.autonomy.plan.explore.crop_view import CropView, see_crop
 from agribot.autonomy.plan.explore.first_row import FirstRow
 from agribot.autonomy.plan.explore.found_row import FoundRow
 from agribot.autonomy.plan.explore.lay import back_out, chain, join, lay_on, take_pose_at
 from agribot.autonomy.plan.explore.row_order import RowOrder, Side
+from agribot.autonomy.plan.ways.approach import plan_approach
+from agribot.autonomy.plan.ways.curves import Segment, advance, sample
 from agribot.core.config import MissionConfig
 from agribot.core.facts import NoRowInView, RowOutOfView
 from agribot.core.geo import wrap_rad

@@ -26,7 +26,7 @@ LOOKS, CELLS, CROP_RATIO = 2, 3, 0.35
 WHOLE = 0.5  # share of a piece's cells that must be in view
 # Distance over which the direction of a line seen in one picture holds, m.
 ARM_M = 0.5
-# Errors of a picture's line that its neighbours share; see estimate/row_model.py.
+# Errors of a picture's line that its neighbours share; see estimate/filter/row_model.py.
 SHARED_STD_M = 0.01
 # A row whose middle is nearer to its chord than this is straight.
 LEAST_BEND_M = 0.05

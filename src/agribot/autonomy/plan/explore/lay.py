@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from agribot.autonomy.plan.curves import SPACING_M, Segment, advance, make_path, sample
+from agribot.autonomy.plan.ways.curves import SPACING_M, Segment, advance, make_path, sample
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, Path
 from agribot.core.pose import Pose2

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.caution import protection_limit_m
 from agribot.autonomy.plan.coverage.drive import FieldWork
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.route import Tool
-from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
+from agribot.autonomy.plan.mission.caution import protection_limit_m
+from agribot.autonomy.plan.mission.route import Tool
+from agribot.autonomy.plan.mission.saved_mission import PoseTuple, take_pose
+from agribot.autonomy.plan.ways.curves import Place
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
 from agribot.core.robot import DriveSpec

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows, plan_without
-from agribot.autonomy.plan.caution import protection_limit_m
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.route import Tool
-from agribot.autonomy.plan.row_room import check_row_room
-from agribot.autonomy.plan.rows import lay_rows, list_row_ends
-from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
+from agribot.autonomy.plan.coverage.row_room import check_row_room
+from agribot.autonomy.plan.mission.caution import protection_limit_m
+from agribot.autonomy.plan.mission.route import Tool
+from agribot.autonomy.plan.mission.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
+from agribot.autonomy.plan.ways.boustrophedon import plan_home, plan_rows, plan_without
+from agribot.autonomy.plan.ways.curves import Place
+from agribot.autonomy.plan.ways.rows import lay_rows, list_row_ends
 from agribot.core.config import FieldConfig, RunConfig
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
 from agribot.core.robot import RobotSpec

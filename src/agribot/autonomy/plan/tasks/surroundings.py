@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.certify import certify
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.goal_way import make_fence, plan_to_place
-from agribot.autonomy.plan.obstacles import make_obstacles
-from agribot.autonomy.plan.saved_mission import take_pose
+from agribot.autonomy.plan.mission.saved_mission import take_pose
+from agribot.autonomy.plan.ways.certify import certify
+from agribot.autonomy.plan.ways.curves import Place
+from agribot.autonomy.plan.ways.goal_way import make_fence, plan_to_place
+from agribot.autonomy.plan.ways.obstacles import make_obstacles
 from agribot.core.config import RunConfig
 from agribot.core.messages import Estimate, MapPoint, Path, Row
 from agribot.core.robot import RobotSpec

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.route import AT_ORIGIN
-from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
+from agribot.autonomy.plan.mission.route import AT_ORIGIN
+from agribot.autonomy.plan.mission.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.ways.curves import Place
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
 from agribot.core.facts import VisitPathOnly
 from agribot.core.field_bounds import FieldBounds

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.route import Tool
-from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
+from agribot.autonomy.plan.mission.route import Tool
+from agribot.autonomy.plan.mission.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.row_task import row_clearance_m
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
-from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.autonomy.plan.ways.curves import Place
+from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from agribot.autonomy.plan.caution import protection_limit_m
+from agribot.autonomy.plan.mission.caution import protection_limit_m
 from agribot.core.robot import RobotSpec
 from agribot.lab.bench.nav.judge import (
     NEES_PERIOD_S,

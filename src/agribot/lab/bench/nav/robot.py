@@ -8,7 +8,7 @@ import msgspec
 
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.mission.mission import Mission
 from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.core.config import RunConfig
 from agribot.core.messages import STOP, DriveCommand, Scene, SensorBatch

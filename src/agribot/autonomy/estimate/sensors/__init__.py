@@ -1,0 +1,1 @@
+"""The sensors that correct the pose, and the noise of each."""

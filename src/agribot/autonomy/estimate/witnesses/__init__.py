@@ -1,0 +1,1 @@
+"""What speaks against a sensor: watches of fixes, headings, rows, pictures and wheels."""

@@ -1,0 +1,1 @@
+"""The mission: its states, jobs, errands, requests, and what it saves."""

@@ -1,0 +1,1 @@
+"""Curves, ways over rows and waypoints, and the ground that they must keep off."""

@@ -1,0 +1,1 @@
+"""`agribot doctor`: what is installed, connected, and in order."""

@@ -1,0 +1,1 @@
+"""Commands for robots, worlds, fields, plans and maps."""

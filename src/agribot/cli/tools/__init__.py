@@ -1,0 +1,1 @@
+"""Commands for benchmarks, boards, receivers, calibration and plug-ins."""

@@ -1,0 +1,1 @@
+"""Motor boards: our protocol, ODrive, VESC, rosserial, over lines and CAN."""

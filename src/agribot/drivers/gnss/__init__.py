@@ -1,0 +1,1 @@
+"""Receivers and their corrections: NMEA, UBX, SBF, Unicore, gpsd, RTCM, NTRIP."""

@@ -1,0 +1,1 @@
+"""IMU boards and the IMUs of motor boards."""

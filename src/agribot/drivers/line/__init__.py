@@ -1,0 +1,1 @@
+"""Serial lines, sockets and URIs: what every driver reads and writes by."""

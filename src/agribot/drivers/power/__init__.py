@@ -1,0 +1,1 @@
+"""Relays that switch the power of motors."""

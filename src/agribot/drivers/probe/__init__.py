@@ -1,0 +1,1 @@
+"""What is connected: devices found by their names and by their bytes."""
