@@ -1,4 +1,4 @@
-"""A package from outside brings a source, correction, setting, fault, panel, tool and command."""
+"""A package from outside brings sources, corrections, witnesses, facts, faults, tools and more."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from agribot.cli.main import main
 from agribot.core import plugins
 from agribot.core.config import load
 from agribot.core.errors import ConfigError
+from agribot.core.fact_text import render
 from agribot.core.implement.kind import find_spec_type
 from agribot.record.replay import read_ticks as read_recording
 from agribot.ui.panels import Panels
+from agribot.ui.view import list_doubts
 from tests.test_tutorials import files_of
 
 PAGES = Path(__file__).parents[1] / "docs" / "contribute"
 # Where the robot of the farm starts, seen from a beacon 10 m to the East.
-RANGES = "".join(f"{0.1 * k:.1f} 10.0 2.0 {12.0 if k == 15 else 10.0}\n" for k in range(40))
+RANGES = "".join(f"{0.1 * k:.1f} 8.0 0.0 {12.0 if k == 24 else 10.0}\n" for k in range(40))
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +68,8 @@ def test_what_is_installed_is_listed_with_its_package(capsys: Output) -> None:
     assert {(row["group"], row["name"], row["package"], row["error"]) for row in rows} == {
         (f"agribot.{group}", name, "agribot-beacons", "")
         for group, name in (
-            ("sources", "beacons"), ("corrections", "beacon"), ("faults", "beacon.jams"),
+            ("sources", "beacons"), ("corrections", "beacon"), ("witnesses", "beacon"),
+            ("facts", "beacon"), ("faults", "beacon.jams"),
             ("panels", "beacons"), ("commands", "beacons"), ("implements", "brush"),
         )
     }  # fmt: skip
@@ -85,17 +88,29 @@ def test_its_command_is_one_of_the_program(capsys: Output) -> None:
 def test_the_robot_corrects_its_pose_by_it_with_its_settings_and_faults(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
-    words = ["--set", "perception.enabled=false", "--for", "3", "--speed", "max", "--headless"]
+    words = ["--set", "perception.enabled=false", "--for", "4.5", "--speed", "max", "--headless"]
     words += ["--source", f"others=beacons:{here}/ranges.txt"]
-    words += ["--fault", "beacon.jams@2", "--set", "plugins.beacon.std_m=0.02"]
+    words += ["--fault", "beacon.jams@3", "--set", "plugins.beacon.std_m=0.02"]
     main(["run", "farm", *words, "--out", "run"])
     assert "[plugins.beacon]\nstd_m = 0.02" in (here / "run" / "config.toml").read_text()
-    assert "beacon.jams@2 begins" in (here / "run" / "events.jsonl").read_text()
+    assert "beacon.jams@3 begins" in (here / "run" / "events.jsonl").read_text()
     recording = list(read_recording(here / "run" / "run.mcap"))
     assert len([sample for tick in recording for sample in tick.batch.others]) > 25
+    accused = [tick for tick in recording if "beacon" in tick.estimate.verdicts]
+    assert accused[0].batch.t_s == pytest.approx(2.4, abs=0.1)
+    assert accused[-1].batch.t_s == pytest.approx(4.4, abs=0.1)
+    fact = accused[0].estimate.verdicts["beacon"].fact
+    assert fact is not None
+    assert fact.parts == ("beacon",)
+    assert fact.numbers == {"off_m": pytest.approx(2.0, abs=0.2)}
+    assert render(fact) == "beacon range is off by 2.0 m; check the beacon"
+    assert render(fact, "de") == "Entfernung zur Bake falsch: 2.0 m; Bake prüfen"
+    (noticed,) = json.loads((here / "run" / "report.json").read_text())["safety"]["noticed"]
+    assert (noticed["code"], noticed["parts"]) == ("plugin_fact", ["beacon"])
+    assert [doubt.sensor for doubt in list_doubts(accused[0].estimate.verdicts)] == ["beacon"]
     fixes_s = [fix.t_s for tick in recording for fix in tick.batch.gnss]
     assert len(fixes_s) > 10
-    assert max(fixes_s) < 2.0
+    assert max(fixes_s) < 3.0
     assert main(["replay", "--check", "run/run.mcap"]) == 0
     capsys.readouterr()
     monkeypatch.undo()

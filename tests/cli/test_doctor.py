@@ -152,7 +152,7 @@ def test_every_finding_is_told_as_soon_as_it_is_known(
 def test_the_first_line_comes_before_anything_is_loaded() -> None:
     code = (
         "import sys\nfrom types import SimpleNamespace\n"
-        "from agribot.cli import doctor\n"
+        "from agribot.cli.doctor import doctor\n"
         "class Stop(Exception): pass\n"
         "def stop(text): raise Stop\n"
         "doctor.print_line = stop\n"

@@ -33,7 +33,6 @@ from agribot.core.messages import (
     RobotCommand,
     SensorBatch,
     SensorVerdict,
-    SensorVerdicts,
     TickRecord,
     Tracking,
 )
@@ -220,7 +219,7 @@ def test_a_sensor_that_is_not_fine_is_a_fault_once_unless_its_reason_is_told_alr
     late = SensorVerdict(state="late", since_s=0.1, reason=render(late_fact), fact=late_fact)
     for index, record in enumerate(samples.ticks(30)):
         if 5 <= index < 20:
-            verdicts = SensorVerdicts(gnss=silent, gyro=late)
+            verdicts = {"gnss": silent, "gyro": late}
             doubted = msgspec.structs.replace(_doubted(record, ImuLate(0.2)), verdicts=verdicts)
             record = msgspec.structs.replace(record, estimate=doubted)  # noqa: PLW2901
         log(record)

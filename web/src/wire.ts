@@ -32,8 +32,6 @@ export type CheckState = 'ok' | 'warn' | 'fault'
 
 export type CasterState = 'asked' | 'connected' | 'failed'
 
-export type SensorName = 'gnss' | 'compass' | 'gyro' | 'wheels' | 'camera' | 'clock'
-
 export type CalibrationPhase = 'driving' | 'computing' | 'found' | 'failed'
 
 export type SettingType = 'number' | 'boolean' | 'string' | 'choice'
@@ -287,7 +285,7 @@ export function readStartCheck(row: StartCheckRow): StartCheck {
 
 /** What is held against a sensor, and the time from which on. */
 export interface SensorDoubt {
-  sensor: SensorName
+  sensor: string
   state: SensorState
   since_s: number | null
   reason: string

@@ -158,7 +158,7 @@ def _restore_judgement(judge: Judge | None, judged: dict[str, Any]) -> list[str]
     from agribot.sim.scores import RefereeState
 
     try:
-        lost = judge.restore(msgspec.convert(judged, RefereeState))
+        lost = judge.restore(msgspec.convert(judged, RefereeState, str_keys=True))
     except msgspec.ValidationError as error:
         lost = f"what was measured before: broken: {error}"
     return [lost] if lost else []

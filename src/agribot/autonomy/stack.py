@@ -12,6 +12,7 @@ from agribot.autonomy.control.keep_out_fence import KeepOutFence
 from agribot.autonomy.control.obstacle_zone import ObstacleZone
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.corrections import load_corrections
+from agribot.autonomy.estimate.doubts import load_witnesses
 from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
@@ -220,7 +221,8 @@ def _fence_out(config: RunConfig, robot: RobotSpec, body: BodyBox) -> KeepOutFen
 def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap | None) -> Localizer:
     """Build the filter, and give it what is known of the crop."""
     corrections = load_corrections(config.plugins)
-    localizer = Localizer(config.estimate, config.field, robot, corrections)
+    witnesses = load_witnesses(config.plugins)
+    localizer = Localizer(config.estimate, config.field, robot, corrections, witnesses)
     if task.work is not None:
         localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
     elif task.explorer is not None or not config.field.has_crop:

@@ -21,7 +21,8 @@ from typing import Any
 import msgspec
 
 from agribot.core.errors import ConfigError
-from agribot.core.facts import Fact
+from agribot.core.facts import Fact, PluginFact
+from agribot.core.plugins import FACTS, find_plugin
 
 LANGUAGES = ("en", "de")
 UNKNOWN = "?"  # a value that is not known
@@ -68,9 +69,25 @@ def render(fact: Fact | None, language: str = "en") -> str:
 
 def render_apart(fact: Fact, language: str = "en") -> tuple[str, str]:
     """Make the text of a fact, and that of what to do about it, which may be empty."""
+    entry = _find_of_package(fact, language) if isinstance(fact, PluginFact) else None
+    if entry is not None:
+        return str(entry.text), str(entry.do)
     entry = load_table(language).facts[fact.code]
     text = _fill(choose(entry.text, fact), fact, language)
     return text, _fill(choose(entry.do, fact), fact, language)
+
+
+def _find_of_package(fact: PluginFact, language: str) -> Entry | None:
+    """Fill the texts that a package has for its fact, those in English where it lacks a language.
+
+    None where it has none, or where they do not fit: a text must not end a run.
+    """
+    try:
+        texts = find_plugin(FACTS, fact.plugin) or {}
+        entry = msgspec.convert((texts.get(language) or texts["en"])[fact.name], Entry)
+        return Entry(str(entry.text).format(**fact.amounts), str(entry.do).format(**fact.amounts))
+    except Exception:  # noqa: BLE001 (whatever is in a package of others)
+        return None
 
 
 def choose(template: Template, fact: Fact) -> str:

@@ -25,6 +25,8 @@ PLATFORMS = "agribot.platforms"
 SOURCES = "agribot.sources"
 BOARDS = "agribot.boards"
 CORRECTIONS = "agribot.corrections"
+WITNESSES = "agribot.witnesses"
+FACTS = "agribot.facts"
 IMPLEMENTS = "agribot.implements"
 FAULTS = "agribot.faults"
 PANELS = "agribot.panels"
@@ -35,6 +37,8 @@ GROUPS: dict[str, str] = {
     SOURCES: "a function of sensor, URI and context that opens a source",
     BOARDS: "a function of robot and options that makes a motor board",
     CORRECTIONS: "a class of corrections of the pose",
+    WITNESSES: "a class of witnesses against sensors",
+    FACTS: "texts of facts by language and code",
     IMPLEMENTS: "an `ImplementKind`",
     FAULTS: "a `FaultPlugin`",
     PANELS: "a function that adds panels to the operator's page",
@@ -104,15 +108,16 @@ def find_settings(name: str) -> type[msgspec.Struct] | None:
 
 
 def resolve_plugins(stated: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Check the settings of plugins, and add all corrections that are installed.
+    """Check the settings of plugins, and add all installed corrections and witnesses.
 
-    Returns: name -> all settings with their defaults, for `RunConfig.plugins`. A correction
-        without settings is there as well: the recording of a run names what corrected its pose.
+    Returns: name -> all settings with their defaults, for `RunConfig.plugins`. A part without
+        settings is there as well: the recording of a run names what had a say in its pose.
 
     Raises: ConfigError: a plugin is not installed or cannot be imported, or a setting is unknown,
         of the wrong type or out of range.
     """
-    names = [*stated, *(name for name in list_names(CORRECTIONS) if name not in stated)]
+    installed = (*list_names(CORRECTIONS), *list_names(WITNESSES))
+    names = dict.fromkeys((*stated, *installed))
     return {name: _resolve(name, stated.get(name, {})) for name in names}
 
 

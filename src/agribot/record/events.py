@@ -12,9 +12,9 @@ import msgspec
 
 from agribot.core.errors import RecordingError
 from agribot.core.fact_text import render
-from agribot.core.facts import AnyFact, ComingAndGoing, Fact, Part, find_kind
+from agribot.core.facts import AnyFact, ComingAndGoing, Fact, find_kind
 from agribot.core.messages import (
-    ALL_FINE,
+    FINE,
     STOP,
     Check,
     DeviceNote,
@@ -81,7 +81,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     state: MissionState | GateState | None = None
     code: str = ""
     causes: tuple[str, ...] = ()
-    parts: tuple[Part, ...] = ()
+    parts: tuple[str, ...] = ()
     numbers: dict[str, float] = {}
     fact: AnyFact | None = None
 
@@ -150,7 +150,7 @@ class EventSieve:
         self._estimate_ok = False
         self._doubt: tuple[object, ...] = ()
         self._gate = GateStatus()
-        self._verdicts = ALL_FINE
+        self._verdicts: SensorVerdicts = {}
         self._moving = False
         self._driver: Who | None = None
         self._row: _RowStory | None = None
@@ -279,10 +279,8 @@ class EventSieve:
     def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:
         """Note whose verdict is fine no more, where nothing else shows why, and whose is again."""
         before, self._verdicts = self._verdicts, verdicts
-        if verdicts is before:
-            return
-        for name in verdicts.__struct_fields__:
-            was, now = getattr(before, name), getattr(verdicts, name)
+        for name in before | verdicts:
+            was, now = before.get(name, FINE), verdicts.get(name, FINE)
             if was.state == "fine" != now.state:
                 if now.fact is None or not any(fact.holds(now.fact) for fact in self._facts):
                     self._add(t_s, "fault", now.reason or f"{name} is {now.state}", now.fact)

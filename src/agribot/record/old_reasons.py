@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from agribot.core.facts import Said
-from agribot.core.messages import ALL_FINE, SensorVerdicts, TickRecord
+from agribot.core.messages import SensorVerdicts, TickRecord
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -36,10 +36,7 @@ def lift_reasons(record: TickRecord) -> TickRecord:
 
 
 def _lift_verdicts(verdicts: SensorVerdicts) -> SensorVerdicts:
-    if verdicts == ALL_FINE:
-        return verdicts
-    names = verdicts.__struct_fields__
-    return SensorVerdicts(**{name: _lift(getattr(verdicts, name), reason="fact") for name in names})
+    return {name: _lift(verdict, reason="fact") for name, verdict in verdicts.items()}
 
 
 def _lift(struct: Any, **fields: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.core.facts import ComingAndGoing, Part
+from agribot.core.facts import ComingAndGoing
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.whole_file import write_at_once
@@ -158,7 +158,7 @@ class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     reason: str
     code: str = ""
-    parts: tuple[Part, ...] = ()
+    parts: tuple[str, ...] = ()
     numbers: dict[str, float] = {}
 
 
@@ -183,7 +183,7 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
     is_named: bool = False
     is_one_of_two: bool = False
     code: str = ""
-    parts: tuple[Part, ...] = ()
+    parts: tuple[str, ...] = ()
     numbers: dict[str, float] = {}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import get_args
 
 import msgspec
 from msgspec import UNSET
@@ -121,7 +120,7 @@ class RunView:
             reason_fact=fact or UNSET,
             gate=self._show_gate(fact),
             checks=self._checks,
-            doubts=_doubts(estimate.verdicts),
+            doubts=list_doubts(estimate.verdicts),
             implement=self._describe_implement(record),
             signals=_take(self._signals),
         )
@@ -271,9 +270,8 @@ def _show_check(check: Check) -> wire.StartCheck:
     return wire.StartCheck(name=check.name, wrong=check.text, wrong_fact=check.fact)
 
 
-def _doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:
+def list_doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:
     """List the sensors that are not fine, which are few."""
-    names: tuple[wire.SensorName, ...] = get_args(wire.SensorName)
     return [
         wire.SensorDoubt(
             sensor=name,
@@ -282,8 +280,8 @@ def _doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:
             reason=one.reason,
             reason_fact=one.fact or UNSET,
         )
-        for name in names
-        if (one := getattr(verdicts, name)).state != "fine"
+        for name, one in verdicts.items()
+        if one.state != "fine"
     ]
 
 

@@ -78,7 +78,6 @@ SeatState = Literal["you", "free", "other"]
 EventLevel = Literal["info", "warn", "fault"]
 CheckState = Literal["ok", "warn", "fault"]
 CasterState = Literal["asked", "connected", "failed"]
-SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
 CalibrationPhase = Literal["driving", "computing", "found", "failed"]
 CalibrationAction = Literal["look", "start", "cancel", "accept", "undo"]
 SettingType = Literal["number", "boolean", "string", "choice"]
@@ -242,7 +241,7 @@ class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 class SensorDoubt(msgspec.Struct, frozen=True, kw_only=True):
     """What is held against a sensor, and the time from which on."""
 
-    sensor: SensorName
+    sensor: str
     state: SensorState
     since_s: float | None = None
     reason: str = ""

@@ -202,7 +202,7 @@ def test_rows_beside_their_map_are_a_finding_once_they_were_so_for_a_while(aside
     assert doubted, "until then no pose is certain"
     after = [e for e in estimates if e.t_s > FROM_S]
     assert not any(e.fact for e in after)
-    assert all(e.verdicts.camera.state == e.verdicts.gnss.state == "fine" for e in after)
+    assert not any({"camera", "gnss"} & e.verdicts.keys() for e in after)
     assert all(e.rows_off_m[0] == pytest.approx(-aside_m, abs=0.04) for e in after)
     most_m = max(e.across_protection_m for e in doubted)
     assert most_m > abs(aside_m) > 2.0 * after[-1].across_protection_m

@@ -4,7 +4,7 @@ import type { App } from '../app.ts'
 import { el, replace, setAttr, setText } from '../dom.ts'
 import { words } from '../format.ts'
 import { icon } from '../icons.ts'
-import type { GateState, SensorDoubt, SensorName, SensorState, StartCheck, State } from '../wire.ts'
+import type { GateState, SensorDoubt, SensorState, StartCheck, State } from '../wire.ts'
 import { readStartCheck } from '../wire.ts'
 import { named, say } from '../say.ts'
 
@@ -26,7 +26,8 @@ const SENSOR_TONES: Record<SensorState, Tone> = {
   frozen: 'bad',
   contradicted: 'bad',
 }
-const SENSOR_NAMES: Record<SensorName, string> = {
+/** Sensors of every robot; those that packages add stand by their own names. */
+const SENSOR_NAMES: Record<string, string> = {
   gnss: 'GNSS',
   compass: say('compass'),
   gyro: say('gyro'),
@@ -94,13 +95,13 @@ export interface SensorLine {
  * Every sensor of the robot in one line, those that are not fine first; a camera only where the start asks for it.
  */
 export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
-  const absent = new Set<SensorName>()
+  const absent = new Set<string>()
   if (!hasCompass) absent.add('compass')
   if (!state.checks.some(([name]) => name === 'camera')) absent.add('camera')
   const said = sayings(state)
   const lines = state.doubts.map((doubt) => doubtLine(doubt, state.t_s, said))
   const doubted = new Set(state.doubts.map(({ sensor }) => sensor))
-  const names = Object.keys(SENSOR_NAMES) as SensorName[]
+  const names = Object.keys(SENSOR_NAMES)
   const fine = names.filter((name) => !doubted.has(name) && !absent.has(name))
   return [
     ...lines,
@@ -109,7 +110,7 @@ export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
 }
 
 function doubtLine({ sensor, state, since_s, reason }: SensorDoubt, t_s: number, said: string[]): SensorLine {
-  const text = `${SENSOR_NAMES[sensor]} ${named(state)}`
+  const text = `${SENSOR_NAMES[sensor] ?? sensor} ${named(state)}`
   return { text, tone: SENSOR_TONES[state], since: tellSince(t_s, since_s), reason: tellAnew(reason, said) }
 }
 

@@ -10,6 +10,7 @@ import msgspec
 from agribot.app.localization.figures import FixFigures, FixOffset, OutageFigures, ThinTable
 from agribot.app.localization.log_robot import find_antenna_m
 from agribot.autonomy.estimate.corrections import load_corrections
+from agribot.autonomy.estimate.doubts import load_witnesses
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import RunConfig
 from agribot.core.facts import find_kind
@@ -46,7 +47,11 @@ class LogPass:
         self, config: RunConfig, robot: RobotSpec, outages: Sequence[tuple[float, float]] = ()
     ) -> None:
         self.localizer = Localizer(
-            config.estimate, config.field, robot, load_corrections(config.plugins)
+            config.estimate,
+            config.field,
+            robot,
+            load_corrections(config.plugins),
+            load_witnesses(config.plugins),
         )
         self._datum = config.field.datum
         self._fixes = FixFigures(MapFrame(config.field.datum), find_antenna_m(robot))

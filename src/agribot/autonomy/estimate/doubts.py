@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
 
 from agribot.autonomy.estimate.filter.ekf import X, Y
+from agribot.autonomy.estimate.filter.lateness import Lateness, LeapWatch
+from agribot.autonomy.estimate.filter.odometry import Odometry
 from agribot.autonomy.estimate.filter.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
 from agribot.autonomy.estimate.sensors.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
-from agribot.autonomy.estimate.verdicts import Finding, SensorName
 from agribot.autonomy.estimate.witnesses.crop_watch import CropWatch
 from agribot.autonomy.estimate.witnesses.fitness_watch import FitnessWatch
 from agribot.autonomy.estimate.witnesses.fix_watch import MAX_JUMP_M
@@ -18,47 +21,83 @@ from agribot.autonomy.estimate.witnesses.mirror_watch import MirrorWatch
 from agribot.autonomy.estimate.witnesses.picture_flow import PictureFlow
 from agribot.autonomy.estimate.witnesses.picture_watch import PictureWatch
 from agribot.autonomy.estimate.witnesses.scene_watch import SceneWatch
+from agribot.autonomy.estimate.witnesses.witness import FedWatch, Finding, Witness
 from agribot.core.facts import CameraAndGnssDisagree, Fact, FixesRejected
-from agribot.core.messages import GnssQuality, Scene, SensorState
+from agribot.core.messages import GnssQuality, Scene, SensorBatch
+from agribot.core.plugins import WITNESSES, bind_settings, find_plugin
 
-# A sensor, the state in which it is where a witness speaks against it, and what that finds.
-Witness = tuple[SensorName, SensorState, Callable[[float], Fact | None]]
+
+def load_witnesses(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilter], Witness]]:
+    """Take the witnesses of installed packages, with their settings.
+
+    Args:
+        plugins: `RunConfig.plugins`, which names the installed ones that are used.
+
+    Raises: ConfigError: a package cannot be imported, or its settings do not fit.
+    """
+    found = {name: build for name in plugins if (build := find_plugin(WITNESSES, name)) is not None}
+    return {
+        name: partial(build, **bind_settings(build, plugins, name)) for name, build in found.items()
+    }
 
 
 class Doubts:
-    """`contradiction` halts a mission until a person decides, `find` only says what is wrong."""
+    """`contradiction` halts a mission until a person decides, `find` only says what is wrong.
 
-    def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
+    `others` are the witnesses of installed packages; all stand in one table.
+    """
+
+    def __init__(
+        self, pose: PoseFilter, gnss: Gnss, odometry: Odometry, others: Sequence[Witness] = ()
+    ) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
+        self._odometry, self._others = odometry, others
+        self._asked: Fact | None = None  # a question of an installed witness to a person
         self._identity, self._lines = pose.identity, pose.lines
         self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), SceneWatch()
         self._mirror, self._fitness = MirrorWatch(), FitnessWatch()
         self.crop, self.heading = CropWatch(), HeadingWatch()
+        self.leaps, self._imu_lateness = LeapWatch(), Lateness()
         self._moving_t_s = -math.inf
         self._witnesses = self._list_witnesses()
 
     def _list_witnesses(self) -> tuple[Witness, ...]:
         """List what is asked of each sensor; of two that find something the first counts."""
-        gnss, agreement = self._gnss, self._agreement
+        gnss, agreement, turns = self._gnss, self._agreement, self._pose.turns
+        antenna = gnss.velocity.antenna
         return (
-            ("gnss", "contradicted", lambda t_s: self._find_moved_fixes()),
-            ("gnss", "frozen", lambda t_s: gnss.repeats.fault),
-            ("camera", "silent", self._camera.silence),
-            ("camera", "frozen", lambda t_s: self._pictures.fault),
-            ("camera", "contradicted", lambda t_s: self._flow.fault),
-            ("camera", "contradicted", lambda t_s: self._mirror.fault),
-            ("camera", "contradicted", lambda t_s: self._lines.fault),
-            ("camera", "contradicted", lambda t_s: self._pose.line_noise.fault),
-            ("camera", "late", lambda t_s: self._camera.lateness),
-            ("camera", "contradicted", lambda t_s: self.of_plants),
-            ("camera", "contradicted", lambda t_s: agreement.fault),
-            ("gnss", "contradicted", lambda t_s: agreement.fault),
-            ("gnss", "contradicted", lambda t_s: self._count_rejected()),
-            ("gnss", "contradicted", lambda t_s: gnss.velocity.antenna.find(is_left_open=False)),
-            ("wheels", "contradicted", gnss.velocity.spin_fault),
-            ("gnss", "contradicted", lambda t_s: gnss.position_noise.fault),
-            ("gnss", "contradicted", lambda t_s: gnss.velocity.noise.fault),
+            FedWatch("gnss", "contradicted", lambda t_s: self._find_moved_fixes(), gnss.forget),
+            FedWatch("gnss", "frozen", lambda t_s: gnss.repeats.fault),
+            FedWatch("camera", "silent", self._camera.silence),
+            FedWatch("camera", "frozen", lambda t_s: self._pictures.fault),
+            FedWatch("camera", "contradicted", lambda t_s: self._flow.fault),
+            FedWatch("camera", "contradicted", lambda t_s: self._mirror.fault),
+            FedWatch("camera", "contradicted", lambda t_s: self._lines.fault, self._lines.forget),
+            FedWatch("camera", "contradicted", lambda t_s: self._pose.line_noise.fault),
+            FedWatch("camera", "late", lambda t_s: self._camera.lateness),
+            FedWatch("camera", "contradicted", lambda t_s: self.of_plants),
+            FedWatch("camera", "contradicted", lambda t_s: agreement.fault, agreement.forget),
+            FedWatch("gnss", "contradicted", lambda t_s: agreement.fault),
+            FedWatch("gnss", "contradicted", lambda t_s: self._count_rejected()),
+            FedWatch("gnss", "contradicted", lambda t_s: antenna.find(is_left_open=False)),
+            FedWatch("wheels", "contradicted", gnss.velocity.spin_fault),
+            FedWatch("gnss", "contradicted", lambda t_s: gnss.position_noise.fault),
+            FedWatch("gnss", "contradicted", lambda t_s: gnss.velocity.noise.fault),
+            FedWatch("gyro", "contradicted", turns.gyro_fault),
+            FedWatch("gyro", "late", self._imu_lateness.fault),
+            FedWatch("compass", "contradicted", turns.compass_fault, self.heading.forget),
+            FedWatch("clock", "contradicted", self.leaps.fault),
+            *self._others,
         )
+
+    def update(self, batch: SensorBatch) -> None:
+        """Let the witnesses hear a batch, and drop doubts that were not reported for long."""
+        self._agreement.expire(batch.t_s)
+        self._imu_lateness.add(batch.t_s, self._odometry.imu_t_s)
+        for witness in self._witnesses:
+            witness.update(batch)
+        found = (each for witness in self._others for each in witness.findings(batch.t_s))
+        self._asked = next((each.fact for each in found if each.must_ask), None)
 
     def move(self, t_s: float) -> None:
         """Note that the robot moves."""
@@ -93,10 +132,6 @@ class Doubts:
         """Whether the camera holds the robot on its row."""
         return self._agreement.is_held(t_s)
 
-    def expire(self, t_s: float) -> None:
-        """Drop doubts that were not reported again for a long time."""
-        self._agreement.expire(t_s)
-
     @property
     def of_plants(self) -> Fact | None:
         """Why no tool may work by what the camera calls weed and crop; None where it may."""
@@ -116,7 +151,8 @@ class Doubts:
         # A robot whose compass is wrong seems to be carried.
         is_judged = self._pose.first_heading.check.is_under_way
         carried = None if is_judged else self._gnss.velocity.carry.fault
-        return fixes or carried or self.heading.fault or self._aside or self._identity.doubt
+        own = fixes or carried or self.heading.fault or self._aside or self._identity.doubt
+        return own or self._asked
 
     @property
     def _aside(self) -> Fact | None:
@@ -129,9 +165,8 @@ class Doubts:
 
     def find(self, t_s: float) -> Iterator[Finding]:
         """Find what is wrong with the sensors, although there is a pose without them."""
-        for sensor, state, find in self._witnesses:
-            if (fact := find(t_s)) is not None:
-                yield Finding(sensor, state, fact)
+        for witness in self._witnesses:
+            yield from witness.findings(t_s)
 
     def _find_moved_fixes(self) -> Fact | None:
         """Find fixes that jumped or crept, by what is asked of a person where something is."""
@@ -153,6 +188,9 @@ class Doubts:
         """
         if self.contradiction is None:
             return False
+        self._asked = None
+        for witness in self._others:
+            witness.forget()
         agreement, gnss, ekf = self._agreement, self._gnss, self._pose.ekf
         is_seen = self._is_seen
         if agreement.must_halt and not gnss.jump.off_m:
@@ -172,10 +210,8 @@ class Doubts:
 
     def forget(self) -> None:
         """Drop what was held against each other: a person says where the robot is."""
-        self._gnss.forget()
-        self._agreement.forget()
-        self._lines.forget()
-        self.heading.forget()
+        for witness in self._witnesses:
+            witness.forget()
         self._identity.confirm_row()
 
     @property

@@ -12,7 +12,6 @@ from agribot.autonomy.estimate.filter.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, Y
 from agribot.autonomy.estimate.filter.field_rows import Rows
 from agribot.autonomy.estimate.filter.gate import Gate
 from agribot.autonomy.estimate.filter.history import UNMOVED, Motion
-from agribot.autonomy.estimate.filter.lateness import Lateness, LeapWatch
 from agribot.autonomy.estimate.filter.measurement import Measurement
 from agribot.autonomy.estimate.filter.odometry import Odometry, Step
 from agribot.autonomy.estimate.filter.priors import motion_noise, slow_ageing
@@ -26,7 +25,8 @@ from agribot.autonomy.estimate.sensors.plant_places import PlantPlaces
 from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensors.row_lines import RowLines
 from agribot.autonomy.estimate.sensors.row_sight import RowSight
-from agribot.autonomy.estimate.verdicts import SILENT_S, Finding, SensorName, VerdictTable
+from agribot.autonomy.estimate.verdicts import SILENT_S, VerdictTable
+from agribot.autonomy.estimate.witnesses.witness import Finding, Witness
 from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.fact_text import render
@@ -52,7 +52,6 @@ from agribot.core.messages import (
     RowLine,
     Scene,
     SensorBatch,
-    SensorState,
 )
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
@@ -72,12 +71,14 @@ STANDING_MPS = 0.02
 STANDING_WINDOWS = 60
 
 Kind = TypeVar("Kind", bound=Correction[Any])
+NO_WITNESSES: Mapping[str, Callable[[PoseFilter], Witness]] = {}
 
 
 class Localizer:
     """Extended Kalman filter over wheels, gyro and whatever corrects them (see ekf.Ekf).
 
-    `corrections` are the sensors that do, name -> what makes one. The result depends on the times
+    `corrections` are the sensors that do, `witnesses` what installed packages hold against them,
+    both name -> what makes one. The result depends on the times
     in the samples only, not on how they are cut into batches, but for the instant at which a late
     measurement is let in. `rejected` counts, by cause, every sample that did not enter the filter.
     """
@@ -88,6 +89,7 @@ class Localizer:
         field: FieldConfig,
         robot: RobotSpec,
         corrections: Mapping[str, Callable[[PoseFilter], Correction[Any]]] = CORRECTIONS,
+        witnesses: Mapping[str, Callable[[PoseFilter], Witness]] = NO_WITNESSES,
     ) -> None:
         self.pose = PoseFilter(config, field, robot)
         self.rejected = self.pose.rejected
@@ -100,7 +102,8 @@ class Localizer:
         self._gnss, self._compass = self._find(Gnss), self._find(Compass)
         self._crop_rows, self._row_lines = self._find(CropRows), self._find(RowLines)
         self._plant_places = self._find(PlantPlaces)
-        self._doubts = Doubts(self.pose, self._gnss)
+        others = [build(self.pose) for build in witnesses.values()]
+        self._doubts = Doubts(self.pose, self._gnss, self._odometry, others)
         self._sight = RowSight(field)
         self._integrity = Integrity(self.pose, self._gnss)
         self._bias_gate = Gate(config.gate_sigma, STANDING_WINDOWS, "turns at standstill")
@@ -110,7 +113,6 @@ class Localizer:
         self._unaged_s = self._unaged_rad = 0.0
         self._fix_std_m = 0.0
         self._now_s = -math.inf
-        self._imu_lateness, self._leaps = Lateness(), LeapWatch()
         self._verdicts = VerdictTable()
 
     def _find(self, kind: type[Kind]) -> Kind:
@@ -126,12 +128,12 @@ class Localizer:
             ladder.update_all(batch)
         for event in batch.requests:
             self._apply(event.request)
-        self._doubts.expire(batch.t_s)
         if not self.pose.first_heading.check.is_under_way:
             self._doubts.heading.add(
                 batch.t_s, self._ekf.x[YAW] - self._motion.yaw_rad,
                 math.sqrt(self._ekf.cov[YAW, YAW]),
             )  # fmt: skip
+        self._doubts.update(batch)
         self._now_s = batch.t_s
         return self._estimate(batch.t_s)
 
@@ -284,7 +286,7 @@ class Localizer:
 
     def _watch_turn(self, step: Step, yaw_rad: float) -> None:
         """Compare the step's turn with the other sensors, and correct a gyro that they outvote."""
-        self._leaps.move(step.t_s, step.dt_s, step.distance_m, step.speed_mps)
+        self._doubts.leaps.move(step.t_s, step.dt_s, step.distance_m, step.speed_mps)
         fault = self.pose.turns.move(step.t_s, yaw_rad, step.wheel_turn_rad)
         if fault is not None:
             self._ekf.inflate(GYRO_BIAS, fault.bias_radps**2)
@@ -320,7 +322,7 @@ class Localizer:
         xx, xy, xt, _, yy, yt, _, _, tt = block
         middle, radius = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
         pos_std_m = math.sqrt(middle + radius)
-        doubts = (*self._doubts.find(t_s), *self._find_odd(t_s))
+        doubts = tuple(self._doubts.find(t_s))
         findings = (*doubts, *self._find_silence(t_s))
         contradiction = self._doubts.contradiction
         doubt = contradiction or next((each.fact for each in doubts), None)
@@ -360,22 +362,10 @@ class Localizer:
         silent = t_s - self._gnss.last_t_s > self._config.gnss_timeout_s
         return GnssQuality.NONE if silent else self._gnss.quality
 
-    def _find_odd(self, t_s: float) -> Iterator[Finding]:
-        """Find what is wrong with the sensors of the robot's own motion."""
-        turns, odometry = self.pose.turns, self._odometry
-        self._imu_lateness.add(t_s, odometry.imu_t_s)
-        found: tuple[tuple[SensorName, SensorState, Fact | None], ...] = (
-            ("gyro", "contradicted", turns.gyro_fault(t_s)),
-            ("gyro", "late", self._imu_lateness.fault(t_s)),
-            ("compass", "contradicted", turns.compass_fault(t_s)),
-            ("clock", "contradicted", self._leaps.fault(t_s)),
-        )
-        yield from (Finding(name, state, fact) for name, state, fact in found if fact is not None)
-
     def _find_silence(self, t_s: float) -> Iterator[Finding]:
         """Find sensors that were heard once and are no more."""
         config, odometry = self._config, self._odometry
-        heard: tuple[tuple[SensorName, Unspoken, float, float], ...] = (
+        heard: tuple[tuple[str, Unspoken, float, float], ...] = (
             ("wheels", "wheels", odometry.wheel_t_s, config.wheel_timeout_s),
             ("gyro", "imu", odometry.imu_t_s, config.imu_timeout_s),
             ("gnss", "gnss", self._gnss.last_t_s, SILENT_S),

@@ -60,9 +60,9 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
         return tuple(found)
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[str, ...]:
         """The parts at fault, those of the facts inside it included."""
-        found = dict.fromkeys(self.about)
+        found: dict[str, None] = dict.fromkeys(self.about)
         for fact in self.inner:
             found.update(dict.fromkeys(fact.parts))
         return tuple(found)
@@ -122,6 +122,31 @@ class Said(Fact, frozen=True):
 
     text: str
     by: str = ""
+
+
+class PluginFact(Fact, frozen=True):
+    """A fact of an installed package, whose texts the package brings (group `agribot.facts`).
+
+    `plugin` is the entry point's name, `name` the code there, `part` the part at fault: one of the
+    robot's or the package's own. `amounts` are its numbers, by names with units.
+    """
+
+    plugin: str
+    name: str
+    part: str = ""
+    amounts: dict[str, float] = msgspec.field(default_factory=dict)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return (self.part,) if self.part else ()
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        return (self.code, self.plugin, self.name, self.part)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        return {name: value for name, value in self.amounts.items() if math.isfinite(value)}
 
 
 if TYPE_CHECKING:

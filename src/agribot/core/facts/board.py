@@ -18,7 +18,7 @@ class BoardReports(Fact, frozen=True):
     cause: AnyFact | None = None
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[str, ...]:
         return self.of if self.cause is None else self.cause.parts or self.of
 
     @property
@@ -33,7 +33,7 @@ class BoardHoldsStop(Fact, frozen=True):
     cause: AnyFact | None = None
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[str, ...]:
         return ()
 
     @property
@@ -127,7 +127,7 @@ class _OfInput(Fact, frozen=True):
     input: str
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[str, ...]:
         return ("inputs", _INPUTS[self.input]) if self.input in _INPUTS else ("inputs",)
 
 

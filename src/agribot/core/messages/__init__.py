@@ -11,7 +11,6 @@ Yaw is counter-clockwise from East, radians, in (-pi, pi].
 from agribot.core.messages.arrays import ByteArray, ComplexArray, FloatArray, Four, MapPoint, Vec3
 from agribot.core.messages.command import STOP, DriveCommand, ImplementCommand, RobotCommand
 from agribot.core.messages.estimate import (
-    ALL_FINE,
     FINE,
     Estimate,
     SensorState,
@@ -93,7 +92,7 @@ from agribot.core.messages.sensors import (
 from agribot.core.messages.tick import TickRecord, Tracking
 
 __all__ = [
-    "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "MIDDLE_WHEEL_NAMES", "STOP", "WHEEL_NAMES",
+    "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "MIDDLE_WHEEL_NAMES", "STOP", "WHEEL_NAMES",
     "AddNote", "AnyRequest", "AskerKind", "BaseFix", "BatterySample", "BoardSample", "BumperSample",
     "ByteArray", "CameraFrame", "ChangeSetting", "Check", "ClearStop", "ComplexArray",
     "ContactorSample", "ControlMission", "ControlRecording", "CorrectPose", "CropCover",

@@ -28,18 +28,9 @@ class SensorVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
 FINE = SensorVerdict()
 
 
-class SensorVerdicts(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One verdict for each sensor; what a robot does not have is fine, too."""
-
-    gnss: SensorVerdict = FINE
-    compass: SensorVerdict = FINE
-    gyro: SensorVerdict = FINE
-    wheels: SensorVerdict = FINE
-    camera: SensorVerdict = FINE
-    clock: SensorVerdict = FINE
-
-
-ALL_FINE = SensorVerdicts()
+# Verdicts by sensor: gnss, compass, gyro, wheels, camera, clock, and those that packages add; one
+# that is missing is fine.
+SensorVerdicts = dict[str, SensorVerdict]
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
@@ -79,7 +70,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     across_unknown_m: float = 0.0
     contradiction: str = ""
     rows_off_m: tuple[float, float] = (0.0, 0.0)
-    verdicts: SensorVerdicts = ALL_FINE
+    verdicts: SensorVerdicts = msgspec.field(default_factory=dict)
     row_certainty: float = 1.0
     plants_doubt: str = ""
     fact: AnyFact | None = None
