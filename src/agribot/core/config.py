@@ -74,6 +74,8 @@ class FieldConfig(Config, frozen=True):
     start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
     start_std_m: Positive = 0.05  # error of its place there
     start_yaw_std_deg: Positive = 3.0  # error of its direction there
+    # Place of the robot after its last run.
+    left_map_m: tuple[float, float] | None = None
     # Settings of this group that a simulated run takes from its world.
     from_world: tuple[str, ...] = ()
 
