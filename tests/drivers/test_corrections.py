@@ -341,7 +341,7 @@ def test_a_base_that_stands_where_it_corrects_nothing_is_told_once_and_not_passe
 
 
 def make_base(east_m: float = 0.0, *, is_virtual: bool = False) -> bytes:
-    """Write message 1005 of a base that says to stand so far East of its place."""
+    """Write message 1005 of a base that says to stand East of its place by a distance."""
     lat_deg, lon_deg = written.LAT_DEG + 0.03, written.LON_DEG - 0.03
     lon_deg += east_m / (111_320.0 * math.cos(math.radians(lat_deg)))
     ecef_m = ecef_from_geodetic(lat_deg, lon_deg, written.ALT_M)
