@@ -15,9 +15,9 @@ from tests.drivers.receiver_bytes import ALT_M, LAT_DEG, LON_DEG
 EXAMPLE = bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98")
 
 
-def make_station(ecef_m: Iterable[float]) -> bytes:
+def make_station(ecef_m: Iterable[float], *, is_virtual: bool = False) -> bytes:
     """Write message 1005 of a base there."""
-    bits = int.from_bytes(EXAMPLE[3:-3])
+    bits = int.from_bytes(EXAMPLE[3:-3]) | is_virtual << 152 - 34
     for at, value in zip((34, 74, 114), ecef_m, strict=True):
         shift = 152 - 38 - at
         bits = bits & ~(((1 << 38) - 1) << shift) | (round(value * 1e4) % (1 << 38)) << shift

@@ -10,6 +10,12 @@ import pytest
 from tests.drivers.lines import Line, Opened
 
 
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no test find what another one, or the user, has kept."""
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
+
+
 @pytest.fixture
 def line(tmp_path: Path) -> Iterator[Line]:
     line = Line(tmp_path)

@@ -6,6 +6,7 @@ import base64
 import contextlib
 import datetime as dt
 import itertools
+import math
 import socket
 import subprocess
 import threading
@@ -21,6 +22,7 @@ from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, CorrectionsCome
+from agribot.core.geo import ecef_from_geodetic
 from agribot.core.messages import DeviceNote, GnssFix, GnssQuality, GnssStatus
 from agribot.drivers.gnss import ntrip, rtcm
 from agribot.drivers.gnss.corrections import CorrectionLink, CorrectionTiming
@@ -127,7 +129,10 @@ def test_the_place_of_a_base_is_read_as_others_read_it() -> None:
     for data in (EXAMPLE, STATION):
         message = rtcm.RtcmMessage(1005, data)
         other = RTCMReader.parse(data)
-        assert rtcm.read_base(message) == pytest.approx((other.DF025, other.DF026, other.DF027))
+        base = rtcm.read_base(message)
+        assert base is not None
+        assert base.ecef_m == pytest.approx((other.DF025, other.DF026, other.DF027))
+        assert (base.station, base.is_virtual) == (other.DF003, bool(other.DF141))
         assert rtcm.read_base(rtcm.RtcmMessage(1077, data)) is None
         assert rtcm.read_base(rtcm.RtcmMessage(1006, data[:15] + b"\0\0\0")) is None
 
@@ -333,6 +338,39 @@ def test_a_base_that_stands_where_it_corrects_nothing_is_told_once_and_not_passe
             caster._answers = [send(YES, b"\r\n", STATION, make_observation(), then=caster.listen)]
             rover.wait_told("come")
     assert rover.taken.startswith(STATION + make_observation())
+
+
+def make_base(east_m: float = 0.0, *, is_virtual: bool = False) -> bytes:
+    """Write message 1005 of a base that says to stand East of its place by a distance."""
+    lat_deg, lon_deg = written.LAT_DEG + 0.03, written.LON_DEG - 0.03
+    lon_deg += east_m / (111_320.0 * math.cos(math.radians(lat_deg)))
+    ecef_m = ecef_from_geodetic(lat_deg, lon_deg, written.ALT_M)
+    return make_station(ecef_m, is_virtual=is_virtual)
+
+
+@pytest.mark.parametrize(
+    ("east_m", "is_virtual", "is_passed_on"),
+    [(0.01, False, True), (0.4, False, False), (0.4, True, True), (5000.0, False, True)],
+)
+def test_a_base_with_other_coordinates_than_in_the_last_run_is_not_passed_on(
+    east_m: float, *, is_virtual: bool, is_passed_on: bool
+) -> None:
+    """Farther away it is another mast; a virtual one is put beside the receiver each time."""
+    first, then = Rover(), Rover()
+    with casting() as caster:
+        for rover, base in (
+            (first, make_base(is_virtual=is_virtual)),
+            (then, make_base(east_m, is_virtual=is_virtual)),
+        ):
+            caster._answers = [send(YES, b"\r\n", base, make_observation(), then=caster.listen)]
+            with rover.fed_by(caster.port):
+                rover.wait_told("")
+    assert "come" in first.told[0]
+    assert ("come" in then.told[0]) is is_passed_on
+    assert bool(then.taken) is is_passed_on
+    if not is_passed_on:
+        assert "-0.00 m north" in then.told[0] or "+0.00 m north" in then.told[0]
+        assert f"{east_m:+.2f} m east of where it has stood" in then.told[0]
 
 
 def test_measurements_of_a_base_too_far_away_wait_until_it_tells_another_place() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+import msgspec
+
 from agribot.app import whole_job
+from agribot.app.place_memory import PlaceMemory
 from agribot.app.platform_lock import PlatformLock
 from agribot.app.run import Run
-from agribot.app.run_setup import prepare_run
+from agribot.app.run_setup import RunSetup, prepare_run
 from agribot.app.simulated_run import SimulatedRun
 from agribot.app.stop_memory import StopMemory
 from agribot.app.whole_job import JobSoFar
@@ -43,6 +47,10 @@ def open_run(
     with ExitStack() as opened:
         lock = PlatformLock(setup.config.platform)
         opened.callback(lock.close)
+        place = None
+        if kind.needs_arming:
+            place, setup = _recall_place(setup)
+            opened.callback(place.close)
         stack = setup.build_stack()  # first: it moves nothing if it is refused
         opened.callback(stack.close)
         platform = open_platform(setup.config, setup.robot)
@@ -59,7 +67,21 @@ def open_run(
         run.add_close(lock.close)
         if memory is not None:
             memory.on_failure = run.report_problem
-            run.add_tap(memory)
-            run.add_close(memory.close)
+        _keep_in([memory, place], run)
         opened.pop_all()
     return run
+
+
+def _keep_in(memories: Sequence[StopMemory | PlaceMemory | None], run: Run) -> None:
+    """Let memories follow a run and end with it."""
+    for memory in memories:
+        if memory is not None:
+            run.add_tap(memory)
+            run.add_close(memory.close)
+
+
+def _recall_place(setup: RunSetup) -> tuple[PlaceMemory, RunSetup]:
+    """Let the settings know where the last run left the machine."""
+    place = PlaceMemory(setup.config.platform, setup.config.field)
+    config = msgspec.structs.replace(setup.config, field=place.recall())
+    return place, setup._replace(config=config)

@@ -5,7 +5,6 @@ Both are a stop in the inbox before the first tick: the recording holds it, and 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
@@ -16,7 +15,7 @@ import msgspec
 from agribot.core.errors import PlatformError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, Disarmed, Fact, NotCleared, Said
-from agribot.core.home import find_home
+from agribot.core.home import find_machine_file
 from agribot.core.messages import AskerKind, ClearStop, Inbox, StopFor, TickRecord, Who
 from agribot.core.whole_file import write_at_once
 
@@ -52,8 +51,7 @@ class StopMemory:
     on_failure: Callable[[float, str], None] | None = None
 
     def __init__(self, platform: str, run: Path) -> None:
-        digest = hashlib.sha256(platform.encode()).hexdigest()[:16]
-        self.path = find_home() / FOLDER / f"{digest}.json"
+        self.path = find_machine_file(FOLDER, platform)
         self._platform, self._run = platform, run
         self._stopped: Fact | None = None
         self._failure = self._reported = ""

@@ -63,17 +63,19 @@ class FieldConfig(Config, frozen=True):
     plant_map: str = ""
     # East, North and radius of what stands in the way.
     obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
-    # Map of map_server (YAML), whose occupied cells the robot keeps out of.
+    # Map of map_server (YAML) with occupied cells to keep out of.
     keep_out: str = ""
     keep_out_unknown: bool = False  # its unknown cells too
     # Corners of areas that no part of the robot may enter.
     keep_out_map_m: tuple[tuple[tuple[float, float], ...], ...] = ()
-    # Mark on which the robot is put down before a run; unset: anywhere.
+    # Mark on which a run starts; unset: anywhere.
     start_map_m: tuple[float, float] | None = None
-    # Direction of the robot on the mark, counter-clockwise from East.
+    # Direction there, counter-clockwise from East.
     start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
     start_std_m: Positive = 0.05  # error of its place there
     start_yaw_std_deg: Positive = 3.0  # error of its direction there
+    # Place of the robot after its last run.
+    left_map_m: tuple[float, float] | None = None
     # Settings of this group that a simulated run takes from its world.
     from_world: tuple[str, ...] = ()
 

@@ -12,17 +12,29 @@ import pytest
 
 from agribot.autonomy.estimate.filter.start import StartMark
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.witnesses.start_agreement import StartAgreement
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import StartAside, StartTurned
-from agribot.core.messages import Estimate, GnssFix, GnssQuality
+from agribot.core.messages import (
+    AskerKind,
+    ControlMission,
+    Estimate,
+    GnssFix,
+    GnssQuality,
+    RequestEvent,
+    RowLine,
+    SensorBatch,
+    Who,
+)
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows, stand
 from tests.autonomy.estimate.paper_robot import robot
-from tests.autonomy.estimate.playback import error, play
+from tests.autonomy.estimate.playback import batches, error, play
 from tests.autonomy.estimate.test_first_heading import URBAN
 from tests.finding import find, holds
 
 START = (1.0, 2.0, math.pi / 2)
+PERSON = Who("person", AskerKind.OPERATOR)
 MARKED = FieldConfig(start_map_m=START[:2], start_yaw_deg=90.0)
 
 
@@ -96,7 +108,7 @@ def test_a_robot_astride_the_row_beside_its_mark_is_told_so() -> None:
     assert holds(last.fact, StartAside(0.9, "west", ANY), within=0.1)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("off_m", [0.15, -0.15, 0.3, -0.3])
 def test_with_corrections_mark_and_fix_are_taken_at_their_word(off_m: float, seed: int) -> None:
     """The mark is good to 5 cm and the fix to 1.4: 4 sigmas are 21 cm."""
@@ -167,21 +179,11 @@ def test_a_mark_that_is_known_roughly_lets_a_robot_with_corrections_start() -> N
     assert run(record(stand, 5.0, seed=1, errors=RTK, start=START), field)[-1].ok
 
 
-@pytest.mark.parametrize(
-    ("off_m", "words"),
-    [(0.4, "east"), (0.4j, "north"), (-0.4, "west"), (-0.4j, "south"), (-0.3 - 0.3j, "south-west"),
-     (0.38 + 0.13j, "east")],
-)  # fmt: skip
-def test_the_direction_is_the_nearest_of_eight(off_m: complex, words: str) -> None:
-    fault = StartMark.of(MARKED).position_fault(off_m, 0.014, is_fixed=True)
-    assert fault is not None and fault.direction == words
-    assert fault.off_m == pytest.approx(abs(off_m))
-
-
 def test_what_was_driven_before_the_heading_was_known_may_have_led_anywhere() -> None:
-    mark = StartMark.of(MARKED)
-    assert mark.position_fault(0.4 + 0j, 0.014, 0.1, is_fixed=True)
-    assert mark.position_fault(0.4 + 0j, 0.014, 0.3, is_fixed=True) is None
+    for slack_m, is_found in ((0.1, True), (0.3, False)):
+        check = StartAgreement(StartMark.of(MARKED), MARKED)
+        check.begin(complex(*START[:2]) + 0.4, 0.014, 0j, slack_m, is_fixed=True)
+        assert (check.fault is not None) is is_found
 
 
 def test_a_robot_that_faces_elsewhere_is_told_so() -> None:
@@ -198,3 +200,62 @@ def test_the_mark_shows_the_error_of_the_compass(seeds: Sequence[int]) -> None:
         plain.append(error(recording, run(recording, FieldConfig())[-1])[2])
         marked.append(error(recording, run(recording)[-1])[2])
     assert np.sqrt(np.mean(np.square(marked))) < 0.7 * np.sqrt(np.mean(np.square(plain)))
+
+
+def left(east_m: float, field: FieldConfig) -> FieldConfig:
+    return msgspec.structs.replace(field, left_map_m=(START[0] + east_m, START[1]))
+
+
+def test_a_fix_away_from_where_the_last_run_left_the_robot_waits_for_a_person() -> None:
+    into = Localizer(EstimateConfig(), left(0.4, FieldConfig()), robot())
+    recording = record(stand, 5.0, seed=1, errors=RTK, start=START)
+    last = play(recording, into)[-1]
+    assert holds(last.fact, StartAside(0.4, "west", 0.13, against=("left",)), within=0.03)
+    resumed = RequestEvent(t_s=5.0, who=PERSON, request=ControlMission(action="resume"))
+    assert into.update(SensorBatch(t_s=5.0, requests=(resumed,))).ok
+
+
+def test_a_false_fix_at_power_up_is_told_from_mark_and_last_place() -> None:
+    """0.17 m: the mark alone lets it pass."""
+    recording = shift_fixes(
+        record(stand, 5.0, seed=1, errors=RTK, start=START), lambda fix: move_north(fix, 0.17)
+    )
+    assert run(recording, MARKED)[-1].ok
+    last = run(recording, left(0.0, MARKED))[-1]
+    assert holds(last.fact, StartAside(0.2, "north", ANY, "gnss", ANY), within=0.06)
+
+
+def test_a_wrong_datum_moves_the_mark_away_from_fix_and_last_place() -> None:
+    recording = record(stand, 5.0, seed=1, errors=RTK, start=START)
+    last = run(recording, left(0.0, moved(east_m=150.0)))[-1]
+    assert holds(last.fact, StartAside(150.0, "east", 0.2, "mark", ("gnss", "left")), within=0.1)
+
+
+def drive_along_rows(field: FieldConfig, beside_m: float, errors: Errors) -> list[Estimate]:
+    """Stand, then drive North along a row that truly stands `beside_m` East of its map."""
+    recording = record(rows, 6.5, seed=1, errors=errors, start=START)
+    into, estimates = Localizer(EstimateConfig(), field, robot()), []
+    for batch in batches(recording):
+        estimates.append(into.update(batch))
+        east_m = recording.pose(batch.t_s)[0] - START[0]
+        into.observe_line(
+            RowLine(
+                t_s=batch.t_s, offset_m=beside_m - east_m, heading_rad=0.0, offset_std_m=0.015,
+                heading_std_rad=0.012, at_ahead_m=0.0,
+            )
+        )  # fmt: skip
+    return estimates
+
+
+@pytest.mark.parametrize("beside_m", [0.03, 0.3])
+def test_rows_in_view_that_stand_beside_their_map_are_found_in_the_first_metre(
+    beside_m: float,
+) -> None:
+    estimates = drive_along_rows(MARKED, beside_m, RTK)
+    found = [each for each in estimates if holds(each.fact, StartAside)]
+    assert bool(found) is (beside_m > 0.2)
+    if found:
+        assert holds(
+            found[0].fact, StartAside(0.3, "west", ANY, "rows", ("gnss", "mark")), within=0.08
+        )
+        assert found[0].y_map_m - START[1] < 1.0

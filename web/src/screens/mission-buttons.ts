@@ -22,7 +22,7 @@ interface Action {
 const ACTIONS: Action[] = [
   { action: 'start', label: say('startAgain'), icon: 'play', in: ['done'], kind: 'primary', ask: true },
   { action: 'pause', label: say('pause'), icon: 'pause', in: ['mission'], kind: 'primary' },
-  { action: 'resume', label: say('resume'), icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
+  { action: 'resume', label: say('resume'), icon: 'play', in: ['paused', 'teleop', 'waiting'], kind: 'primary' },
   { action: 'skip_row', label: say('skipRow'), icon: 'skip', in: ['mission', 'paused'] },
   { action: 'nudge_left', label: say('row1CmLeft'), icon: 'left', in: ['mission', 'paused'], inRow: true },
   { action: 'nudge_right', label: say('row1CmRight'), icon: 'right', in: ['mission', 'paused'], inRow: true },

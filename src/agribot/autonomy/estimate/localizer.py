@@ -138,6 +138,8 @@ class Localizer:
         return self._estimate(batch.t_s)
 
     def _apply(self, request: AnyRequest) -> None:
+        if isinstance(request, ControlMission) and request.action in ("start", "resume"):
+            self.pose.start_agreement.accept()
         match request:
             case ChangeSetting(setting="treatment.enabled") if request.value:
                 self._doubts.crop.accept()
@@ -410,8 +412,7 @@ class Localizer:
             return first.reason
         if "position" not in self.pose.known:
             return NoFixesYet()
-        of_sensors = (each.misplaced for each in self._corrections if each.misplaced is not None)
-        return first.misplaced or next(of_sensors, None)
+        return first.misplaced or self.pose.start_agreement.fault
 
 
 def is_pose(numbers: tuple[float, ...]) -> bool:

@@ -9,6 +9,13 @@ from agribot.core.facts.base import Fact, Part, Severity, Side, Where
 if TYPE_CHECKING:
     from agribot.core.facts.base import AnyFact
 
+# Sources of the place of the start: the receiver, the mark of the field, the place where the last
+# run left the robot, and the crop rows that the camera sees.
+PlaceSource = Literal["gnss", "mark", "left", "rows"]
+_PARTS: dict[PlaceSource, Part] = {
+    "gnss": "gnss", "mark": "start", "left": "start", "rows": "camera",
+}  # fmt: skip
+
 
 class EstimateNotReady(Fact, frozen=True):
     """There is no estimate yet."""
@@ -56,12 +63,27 @@ class FarFromMap(Fact, frozen=True):
 
 
 class StartAside(Fact, frozen=True):
-    """The robot does not stand at the marked start."""
+    """What is known of the start contradicts itself: `by` one source the robot is elsewhere.
 
-    about: ClassVar[tuple[Part, ...]] = ("start",)
+    One other source alone is `against` it, which leaves open which of the two is wrong, or more.
+    """
+
     off_m: float
     direction: str
     limit_m: float
+    by: PlaceSource = "gnss"
+    against: tuple[PlaceSource, ...] = ("mark",)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The part of the odd one out, or of both."""
+        sources = (self.by, *self.against) if len(self.against) == 1 else (self.by,)
+        return tuple(dict.fromkeys(_PARTS[source] for source in sources))
+
+    @property
+    def variant(self) -> str:
+        is_open = self.by == "gnss" and self.against in (("mark",), ("left",))
+        return f"{self.by}_{self.against[0]}" if is_open else self.by
 
 
 class StartTurned(Fact, frozen=True):

@@ -2,26 +2,22 @@
 
 A thread of its own asks the caster, passes whole RTCM messages on, sends the caster the place of
 the receiver every ten seconds (virtual base stations need it), and asks again after a loss. A base
-that says to stand where it corrects nothing here is not passed on. Neither the control loop nor
-the thread that reads the receiver waits for it.
+that says to stand where it corrects nothing here, or elsewhere than before, is not passed on.
+Neither the control loop nor the thread that reads the receiver waits for it.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from agribot.core.errors import ConfigError
 from agribot.core.facts import CorrectionsCome, CorrectionsMissing
-from agribot.core.geo import ecef_from_geodetic, geodetic_from_ecef
-from agribot.core.messages import GnssFix, Vec3
+from agribot.drivers.gnss.base_place import BaseMemory, doubt_base
 from agribot.drivers.gnss.nmea import StampedFix, write_gga
 from agribot.drivers.gnss.ntrip import (
     FORMS,
@@ -38,12 +34,6 @@ if TYPE_CHECKING:
     import ssl
 
 _CLOSE_S = 1.0  # a name that does not resolve holds the thread up for longer; it ends by itself
-# Largest distance of a base that corrects a receiver: networks of them carry over 50 to 70 km
-# (Swift Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of
-# receivers state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
-_FARTHEST_BASE_M = 200e3
-# Least distance from the Earth's centre; a base without a place of its own reports less.
-_LEAST_RADIUS_M = 6e6
 
 
 class CorrectionTiming(NamedTuple):
@@ -111,6 +101,7 @@ class CorrectionLink:
         self._last_fix, self._notify, self._now_s = last_fix, notify, now_s
         self._timing = timing or CorrectionTiming()
         self._counts: Counter[int] = Counter()
+        self._bases = BaseMemory(caster.name)
         self._last_s: float | None = None
         self._has_come = self._is_flowing = self._is_doubted = False
         self._notified = ""
@@ -214,14 +205,14 @@ class CorrectionLink:
             self._notify(CorrectionsCome(self._caster.name, is_again))
 
     def _check_base(self, message: RtcmMessage) -> None:
-        """Compare where the base says to stand with where the receiver is.
+        """Compare where the base says to stand with where the receiver is, and with earlier runs.
 
-        Raises: CasterRefusal: it corrects nothing there.
+        Raises: CasterRefusal: it corrects nothing there, or by other coordinates than before.
         """
-        base_m, found = read_base(message), self._last_fix()
-        if base_m is None or found is None:
+        base, found = read_base(message), self._last_fix()
+        if base is None or found is None:
             return
-        why = _doubt_base(base_m, found.fix)
+        why = doubt_base(base.ecef_m, found.fix) or self._bases.compare(base)
         self._is_doubted = bool(why)
         if why:
             raise CasterRefusal(why)
@@ -244,25 +235,6 @@ class CorrectionLink:
             return
         self._notified = why
         self._notify(CorrectionsMissing(self._caster.name, why, is_lost=self._is_flowing))
-
-
-def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:
-    """Say why a base at that place, Earth-centred, corrects nothing at a fix; empty if it may."""
-    if math.hypot(*base_m) < _LEAST_RADIUS_M:
-        return (
-            "the base says to stand inside of the Earth: its own place is not set; set it, "
-            "or choose another mountpoint"
-        )
-    alt_m = fix.alt_m if math.isfinite(fix.alt_m) else 0.0  # nothing beside 200 km
-    distance_m = math.dist(base_m, ecef_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m))
-    if distance_m <= _FARTHEST_BASE_M:
-        return ""
-    lat_deg, lon_deg, _ = geodetic_from_ecef(np.array(base_m))
-    return (
-        f"the base says to stand at latitude {lat_deg:.2f}, longitude {lon_deg:.2f}, "
-        f"{distance_m / 1e3:.0f} km from here; the limit is {_FARTHEST_BASE_M / 1e3:.0f} km; "
-        "choose a mountpoint nearby, or set the base's place"
-    )
 
 
 def _explain_line(error: OSError) -> str:

@@ -24,6 +24,7 @@ _SATELLITE_BITS = (
     (range(1001, 1005), (55, 5)),
     (range(1009, 1013), (52, 5)),
 )
+_STATION_BITS, _VIRTUAL_BIT = (12, 12), 33
 _PLACE_BITS = (34, 74, 114)  # bits where the three numbers of a place begin
 
 
@@ -32,6 +33,14 @@ class RtcmMessage(NamedTuple):
 
     kind: int
     data: bytes
+
+
+class BaseStation(NamedTuple):
+    """Earth-centred place of a base's antenna, m; `is_virtual` where no antenna stands there."""
+
+    ecef_m: Vec3
+    station: int
+    is_virtual: bool
 
 
 def corrects_ranges(message: RtcmMessage) -> bool:
@@ -54,16 +63,19 @@ def _read_bits(payload: bytes, begin: int, count: int) -> int:
     return int.from_bytes(payload) >> last & ((1 << count) - 1) if last >= 0 else 0
 
 
-def read_base(message: RtcmMessage) -> Vec3 | None:
-    """Read where the base says that its antenna stands, Earth-centred, m; None of other messages.
+def read_base(message: RtcmMessage) -> BaseStation | None:
+    """Read where the base says that its antenna stands; None of other messages.
 
-    Source: RTCM 10403.3, messages 1005 and 1006: three numbers of 38 bits, in 0.1 mm.
+    Source: RTCM 10403.3, messages 1005 and 1006: DF003 is the station, DF141 is set of a virtual
+    one, DF025 to DF027 are three numbers of 38 bits, in 0.1 mm.
     """
     payload = message.data[3:-3]
     if message.kind not in (1005, 1006) or len(payload) * 8 < _PLACE_BITS[-1] + 38:
         return None
     x, y, z = (_read_bits(payload, at, 38) for at in _PLACE_BITS)
-    return _scale_place(x), _scale_place(y), _scale_place(z)
+    place_m = _scale_place(x), _scale_place(y), _scale_place(z)
+    is_virtual = bool(_read_bits(payload, _VIRTUAL_BIT, 1))
+    return BaseStation(place_m, _read_bits(payload, *_STATION_BITS), is_virtual)
 
 
 def _scale_place(number: int) -> float:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 
 import msgspec
 
 from agribot.core.config import FieldConfig
-from agribot.core.facts import StartAside, StartTurned
+from agribot.core.facts import StartTurned
 
 # Largest distance to the mark, in joint sigmas; without fixed ambiguities at least in metres, too.
 MISPLACED_SIGMA = 4.0
@@ -16,9 +15,6 @@ MISPLACED_M = 1.0
 # Lower limit of that distance, m. Above it, and up to the limit, half the row distance counts: a
 # robot astride the next row is misplaced.
 LEAST_MISPLACED_M = 0.3
-DIRECTIONS = (
-    "east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east",
-)  # fmt: skip
 
 
 class StartMark(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,33 +37,12 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
             misplaced_m=_find_misplaced_m(field),
         )
 
-    def position_fault(
-        self, off_m: complex, gnss_std_m: float, driven_m: float = 0.0, *, is_fixed: bool
-    ) -> StartAside | None:
-        """Find that by GNSS the robot is not at the mark; None when it may well be.
-
-        `off_m` leads east and north from the mark to where GNSS has the robot, which may have moved
-        by `driven_m` since. A receiver with fixed ambiguities (`is_fixed`) is right to centimetres,
-        so that it and the mark are taken at their word.
-        """
-        limit_m = MISPLACED_SIGMA * math.hypot(self.std_m, gnss_std_m)
-        if not is_fixed:
-            limit_m = max(self.misplaced_m, limit_m)
-        if abs(off_m) - driven_m <= limit_m:
-            return None
-        return StartAside(abs(off_m), _name_direction(off_m), limit_m + driven_m)
-
     def heading_fault(
         self, off_rad: float, std_rad: float, source: str = "compass"
     ) -> StartTurned | None:
         """Find that by a source the robot looks elsewhere; None when it may well not."""
         limit_rad = MISPLACED_SIGMA * math.hypot(self.yaw_std_rad, std_rad)
         return StartTurned(source, abs(off_rad), limit_rad) if abs(off_rad) > limit_rad else None
-
-
-def _name_direction(off_m: complex) -> str:
-    """Name the nearest of eight directions; north is the imaginary axis."""
-    return DIRECTIONS[round(cmath.phase(off_m) / (math.pi / 4.0)) % 8]
 
 
 def _find_misplaced_m(field: FieldConfig) -> float:

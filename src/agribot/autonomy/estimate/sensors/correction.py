@@ -18,7 +18,6 @@ from agribot.autonomy.estimate.filter.history import UNMOVED, Epoch
 from agribot.autonomy.estimate.filter.measurement import Measurement
 from agribot.autonomy.estimate.sensors.first_heading import Known
 from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
-from agribot.core.facts import Fact
 from agribot.core.messages import SensorBatch
 
 
@@ -41,8 +40,6 @@ class Correction(ABC, Generic[Sample]):
     # Measurement that must come before the sensor can serve.
     needs: ClassVar[Known | None] = "position"
     needs_odometry: ClassVar[bool] = True
-    # Why the robot cannot stand where it is marked to start.
-    misplaced: Fact | None = None
 
     def __init__(self, pose: PoseFilter) -> None:
         self.pose = pose

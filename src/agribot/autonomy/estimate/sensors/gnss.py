@@ -46,8 +46,8 @@ from agribot.autonomy.estimate.witnesses.drift_watch import (
     WitnessReport,
 )
 from agribot.autonomy.estimate.witnesses.fix_watch import MAX_JUMP_M, JumpWatch, RepeatWatch
-from agribot.autonomy.estimate.witnesses.mark_check import FIRST_FIXES, MarkCheck
 from agribot.autonomy.estimate.witnesses.spin_watch import ahead_and_aside
+from agribot.autonomy.estimate.witnesses.start_agreement import FIRST_FIXES
 from agribot.autonomy.estimate.witnesses.velocity_way import VelocityMark
 from agribot.core.arithmetic import clamp
 from agribot.core.facts import FarFromMap
@@ -106,7 +106,6 @@ class Gnss(Correction[GnssFix]):
         self._half_track_m = robot.drive.track_m / 2.0
         self._position_gate = Gate(config.gate_sigma, config.recover_after, "gnss outlier")
         self._first: list[tuple[float, float]] = []
-        self._mark_check = MarkCheck(pose.start)
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
@@ -339,7 +338,7 @@ class Gnss(Correction[GnssFix]):
             ((X, 1.0), (YAW, moved_y - arm_m.imag), (GNSS_BIAS_X, 1.0)),
             ((Y, 1.0), (YAW, arm_m.real - moved_x), (GNSS_BIAS_Y, 1.0)),
         )
-        self._compare_with_mark(complex(now_x, now_y), noise.variance_m2)
+        self._compare_with_start(complex(now_x, now_y), noise.variance_m2, now)
         self.off_m = (now_x - x[X], now_y - x[Y])
         residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])
         if self.drift.is_drifting:
@@ -367,31 +366,34 @@ class Gnss(Correction[GnssFix]):
         is_fixed = self.quality is GnssQuality.RTK_FIXED
         x_m = statistics.median(p[0] for p in self._first) + now.x_m
         y_m = statistics.median(p[1] for p in self._first) + now.y_m
+        way_m = self._find_way_m(now)
+        self.pose.start_agreement.begin(
+            complex(x_m, y_m), self._find_fix_std_m(variance_m2), way_m,
+            self._unguided_m * FIRST_STD_RAD, is_fixed=is_fixed,
+        )  # fmt: skip
         at_m, at_m2 = (x_m, y_m), UNKNOWN_M2
-        if start.xy_map_m is not None:
-            mark_m = _sum(start.xy_map_m, (now.x_m, now.y_m))
-            mark_m = _sum(mark_m, (self._turned_m.real, self._turned_m.imag))
-            self.misplaced = self._mark_check.begin(
-                complex(*at_m) - complex(*mark_m), self._find_fix_std_m(variance_m2),
-                self._unguided_m * FIRST_STD_RAD, is_fixed=is_fixed,
-            )  # fmt: skip
-            if not is_fixed:
-                at_m, at_m2 = mark_m, start.std_m**2
+        if start.xy_map_m is not None and not is_fixed:
+            at_m, at_m2 = _sum(start.xy_map_m, (way_m.real, way_m.imag)), start.std_m**2
         for state, value in zip((X, Y), at_m, strict=True):
             ekf.reset(state, value, at_m2)
         rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
         ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
         self.pose.known.add("position")
 
-    def _compare_with_mark(self, place_m: complex, variance_m2: float) -> None:
-        """Compare where a fix has the robot with its mark, until it sets off from there."""
-        self.misplaced = self._mark_check.add(
+    def _compare_with_start(self, place_m: complex, variance_m2: float, now: Motion) -> None:
+        """Compare where a fix has the robot with what else is known of the start."""
+        self.pose.start_agreement.add_fix(
             place_m,
             self._find_fix_std_m(variance_m2),
+            self._find_way_m(now),
             self._moved_m,
             is_fixed=self.quality is GnssQuality.RTK_FIXED,
             is_followed=not self.rejected_in_a_row and not self.jump.off_m,
         )
+
+    def _find_way_m(self, now: Motion) -> complex:
+        """Find where wheels and gyro have led since the first tick."""
+        return complex(now.x_m, now.y_m) + self._turned_m
 
     def _find_fix_std_m(self, variance_m2: float) -> float:
         """Add the slow error of the receiver to what a fix scatters by."""

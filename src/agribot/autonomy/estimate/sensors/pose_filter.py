@@ -17,6 +17,7 @@ from agribot.autonomy.estimate.sensors.row_line_noise import RowLineNoise
 from agribot.autonomy.estimate.witnesses.row_agreement import RowAgreement
 from agribot.autonomy.estimate.witnesses.row_identity import RowIdentity
 from agribot.autonomy.estimate.witnesses.row_line_watch import RowLineWatch
+from agribot.autonomy.estimate.witnesses.start_agreement import StartAgreement
 from agribot.autonomy.estimate.witnesses.turn_watch import TurnWatch
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import BaseFix, Vec3
@@ -40,6 +41,7 @@ class PoseFilter:
         self.history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self.rejected: Counter[str] = Counter()
         self.start = StartMark.of(field)
+        self.start_agreement = StartAgreement(self.start, field)
         self.rows: Rows = FieldRows(field)
         self.agreement, self.identity = RowAgreement(), RowIdentity(config.row_certainty)
         self.lines = RowLineWatch(config.position_walk_m_per_sqrt_m)

@@ -226,6 +226,8 @@ class RowLines(Correction[RowLine]):
             self.pose.rejected["row line ambiguous"] += 1
             return None
         self.pose.agreement.add_look(line.t_s, off_m)
+        if not self.pose.start_agreement.is_over:
+            self._add_to_start(line, off_m, frame, epoch)
         self.pose.lines.add(self._pose_line(line, off_m, frame))
         if self.pose.lines.led is not None and not self.pose.agreement.bears_out(line.t_s, off_m):
             self.pose.rejected["row line moved aside"] += 1
@@ -235,6 +237,17 @@ class RowLines(Correction[RowLine]):
             model.offset_variance(line.offset_std_m), self._offset_gate,
             opens=self._blame(line.t_s, off_m, frame), is_retaken=False, has_tails=True,
         )  # fmt: skip
+
+    def _add_to_start(self, line: RowLine, off_m: float, frame: RowFrame, epoch: Epoch) -> None:
+        """Claim where the line has the robot, across the rows, for the check of its start."""
+        ekf, right = self.pose.ekf, complex(*frame.right)
+        turned_m = line.at_ahead_m * math.sqrt(ekf.cov[YAW, YAW])
+        self.pose.start_agreement.add_look(
+            complex(ekf.x[X], ekf.x[Y]) + off_m * right,
+            math.hypot(line.offset_std_m, turned_m),
+            complex(epoch.now.x_m, epoch.now.y_m),
+            right,
+        )
 
     def _blame(self, t_s: float, off_m: float, frame: RowFrame) -> tuple[tuple[int, float], ...]:
         """Say what a run of lines that do not fit speaks against: the map, or else the pose."""
