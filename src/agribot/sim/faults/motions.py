@@ -77,7 +77,9 @@ class GyroBias:
 
     def _turn(self, sample: ImuSample) -> ImuSample:
         x, y, z = sample.gyro_radps
-        return msgspec.structs.replace(sample, gyro_radps=(x, y, z + self._fault.find_number(sample.t_s)))
+        return msgspec.structs.replace(
+            sample, gyro_radps=(x, y, z + self._fault.find_number(sample.t_s))
+        )
 
 
 class FrozenImu:

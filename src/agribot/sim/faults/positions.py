@@ -99,7 +99,9 @@ class NoisyPosition:
         if not self._fault.is_on(fix.t_s):
             return fix
         place_m = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
-        off_m = _find_more_ratio(self._fault, fix.t_s) * fix.pos_std_m * self._rng.standard_normal(2)
+        off_m = (
+            _find_more_ratio(self._fault, fix.t_s) * fix.pos_std_m * self._rng.standard_normal(2)
+        )
         lat_deg, lon_deg, alt_m = self._frame.geodetic_from_map(
             place_m[0] + float(off_m[0]), place_m[1] + float(off_m[1]), place_m[2]
         )

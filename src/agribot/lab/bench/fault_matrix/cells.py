@@ -16,9 +16,8 @@ from agribot.sim.faults.table import FaultKind
 PROFILE, PRESET, SENSORS = "rows-10x12", "field", "rtk"
 DRIVEN_ROWS, SOWN_ROWS, ROW_M = 2, 6, 8.0
 LONGEST_S = 300.0  # longest time in simulation of a drive
-# Once, for this time; coming and going: so often, so long, with this time between the begins.
-ONCE_S = 2.0
-BURSTS, BURST_S, EVERY_S = 5, 0.4, 4.0
+ONCE_S = 2.0  # length of a fault that happens once
+BURSTS, BURST_S, EVERY_S = 5, 0.4, 4.0  # count, length and distance of bursts that come and go
 RISE_S = 60.0  # time in which a growing fault rises
 ALSO_AFTER_S = 4.0  # time from the first of two faults to the second
 ONCE, FOR_GOOD, COMES_AND_GOES, GROWS = "once", "for good", "comes and goes", "grows"
@@ -126,13 +125,13 @@ def list_singles(faults: Sequence[str], seeds: Sequence[int], *, is_all: bool) -
     )
 
 
-def list_pairs(faults: Sequence[str], seeds: Sequence[int], *, is_all: bool) -> tuple[Cell, ...]:
+def list_pairs(seeds: Sequence[int], *, is_all: bool) -> tuple[Cell, ...]:
     """List the cells of two faults: a covering array over both, the state and the seed.
 
     `is_all` takes every fault as the first of two.
     """
-    hidden = [one for one in (FAULTS if is_all else HIDDEN) if one in faults or not faults]
-    factors = (hidden, SECOND, [state.name for state in STATES], [str(seed) for seed in seeds])
+    firsts = (*HIDDEN, *FAULTS) if is_all else HIDDEN
+    factors = (firsts, SECOND, [state.name for state in STATES], [str(seed) for seed in seeds])
     return tuple(
         _make_cell(fault, state, int(seed), course=FOR_GOOD, also=also)
         for fault, also, state, seed in cover_pairs(factors, _can_be_two)

@@ -32,7 +32,7 @@ WAY_EVERY_S = 0.2
 
 
 class CellTask(msgspec.Struct, frozen=True, kw_only=True):
-    """A cell, the time of its fault on the clock of the job, its world and a folder for its files."""
+    """A cell, the time of its fault on the clock of the job, its world, a folder for its files."""
 
     cell: Cell
     onset_s: float
@@ -69,7 +69,7 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     sim_s: float = 0.0
     cpu_s: float = 0.0
     reason: str = ""
-    error: str = ""  # of a program that failed
+    error: str = ""  # error that ended the program
 
 
 def drive_cell(task: CellTask, stop: Stop) -> CellResult | None:

@@ -20,7 +20,7 @@ from agribot.core.messages import (
 )
 
 TICK_HZ = 50.0
-# Way of a person: time in the row before, time until the drive goes on, time of a drive by hand.
+# Time in the row before a person acts, until the drive goes on, and of each way by hand, s.
 IN_ROW_S, STANDS_S, BY_HAND_S = 4.0, 15.0, 6.0
 HAND_MPS = 0.2
 # A place on the headland beside the start, m.
@@ -138,7 +138,7 @@ def _send_away(inbox: Inbox) -> Waiting:
 
 
 PLAIN, KILLED = "plain", "killed"
-# What a person does. In the script `killed` the program is, in the first row, and started again.
+# Actions of a person by script. In `killed` the program is killed and started again.
 SCRIPTS: dict[str, Script] = {
     PLAIN: watch_only,
     "pause": _pause,

@@ -149,7 +149,11 @@ def _list_accusing(signs: Sequence[Event]) -> Iterator[Event]:
     has_begun = False
     for event in signs:
         has_begun = has_begun or event.kind == "injected"
-        if has_begun and event.parts and event.kind in ("fault", "stop", "hold", "limit", "mission"):
+        if (
+            has_begun
+            and event.parts
+            and event.kind in ("fault", "stop", "hold", "limit", "mission")
+        ):
             yield event
 
 
