@@ -8,6 +8,8 @@ from __future__ import annotations
 import sys
 
 from agribot.core.messages import WHEEL_NAMES
+from agribot.lab.bench.fault_matrix import cells
+from agribot.lab.bench.fault_matrix.states import STATES
 from agribot.sim.faults.table import FAULTS, FaultKind, Span
 
 HEAD = """# Faults
@@ -19,17 +21,19 @@ choice; the robot gets no notice of it, and the report says what the robot did a
 agribot run farm --fault gnss.jump=2@30              # from 30 s of the mission until its end
 agribot run farm --fault gnss.outage@30+20           # for 20 s
 agribot run farm --fault start.turned=20@0 --fault motor.dead=left_wheel_F@40
+agribot run farm --fault imu.bias=0.05@30~300        # rises from nothing in 300 s
 agribot sweep farm --vary "faults=none,gnss.frozen@30,imu.late=0.3@30;mag.motor@40"
 ```
 
-A fault is `NAME[=VALUE]@T[+SECONDS]`, with T in simulated seconds since the start; without
-`+SECONDS` it lasts to the end. You can give several, also to `agribot sim`, in a profile
+A fault is `NAME[=VALUE]@T[~RISE][+SECONDS]`, with T in simulated seconds since the start; without
+`+SECONDS` it lasts to the end. With `~RISE` a value marked * grows, from what is harmless, in so
+many seconds. You can give several, also to `agribot sim`, in a profile
 (`faults = ["..."]`) and from Python (`RunConfig.faults`). In a sweep, a semicolon joins the faults
 of one run, and `none` is a run without. The same seed gives the same faults.
 What is impossible, such as an unknown name, is refused before anything moves.
 A run that goes on (`--resume`) has them on the clock of its job.
 
-A wheel is one of {wheels}. A value marked ± may be negative.
+A wheel is one of {wheels}. A value marked ± may be negative, one marked * may rise.
 
 """
 TAIL = """
@@ -50,13 +54,38 @@ TAIL = """
 
 ## The campaign
 
-`agribot bench faults` drives into a row, lets one thing go wrong there, and judges the robot beside
-the same drives without a fault. Started again, it goes on where it was interrupted.
+`agribot bench faults` lets things go wrong in every state of the robot, each by a course in time,
+and judges the robot until the end of its mission beside the same drive without a fault. Started
+again, it goes on where it was interrupted. [What it measured](results/faults-matrix.md) last.
+
+```
+agribot bench faults                                 # a covering array: half an hour of a CPU
+agribot bench faults --faults motor.runaway,carried --seeds 1
+agribot bench faults --shard 2/4 --out shared/matrix # the second of four parts
+agribot bench faults --all                           # every fault, state, course and seed
+```
+
+- **States**: {states}.
+  A fault begins when the drive gets there: a person pauses, presses STOP, drives by hand, sends the
+  robot to a place, or the program is killed and started again.
+- **Courses**: once for {once_s:g} s; for good; {bursts} times {burst_s:g} s, every {every_s:g} s;
+  rising for {rise_s:g} s where the value can.
+- **Pairs**: a fault that may stay unnoticed, and another one {also_s:g} s later.
+
+By default each two of fault, state, course and seed meet in at least one cell. A cell is **red**
+where a plant was crushed after the fault was noticed or noticeable, where the robot left the field,
+rolled on though it had to stand, took longer to stop than it promises, did not notice what had an
+effect, named a part first that is well, or where the program failed. The folder has `matrix.csv`
+with all cells.
+
+## The campaign in a row
+
+`agribot bench faults --in-row` drives into a row, lets one thing go wrong there for good, and
+judges the robot for 45 s; also with a camera, other fields, and the board's real firmware.
 [What it measured](results/fault-campaign.md) last.
 
 ```
-agribot bench faults --seeds 1 --no-camera           # three minutes of a CPU
-agribot bench faults --faults gnss.wrong_fix,carried
+agribot bench faults --in-row --seeds 1 --no-camera  # three minutes of a CPU
 agribot bench faults --special                       # what is looked at one by one
 agribot bench faults --fault-free 500                # drives in which nothing goes wrong
 ```
@@ -89,7 +118,23 @@ def page() -> str:
     heads = "| fault | what happens | values |\n|---|---|---|\n"
     columns = "".join(f"| {name} | {counts} |\n" for name, counts in COLUMNS)
     head = HEAD.format(wheels=", ".join(f"`{name}`" for name in WHEEL_NAMES))
-    return head + heads + rows + TAIL + "| column | counts |\n|---|---|\n" + columns + END
+    return (
+        head
+        + heads
+        + rows
+        + describe_campaign()
+        + "| column | counts |\n|---|---|\n"
+        + columns
+        + END
+    )
+
+
+def describe_campaign() -> str:
+    return TAIL.format(
+        states=", ".join(state.name for state in STATES), once_s=cells.ONCE_S,
+        bursts=cells.BURSTS, burst_s=cells.BURST_S, every_s=cells.EVERY_S, rise_s=cells.RISE_S,
+        also_s=cells.ALSO_AFTER_S,
+    )  # fmt: skip
 
 
 def format_row(kind: FaultKind) -> str:
@@ -102,7 +147,8 @@ def _show_values(kind: FaultKind) -> str:
     if not isinstance(kind.value, Span):
         return kind.value or ""
     sign = "±" if kind.value.is_signed else ""
-    return f"{sign}{kind.value.low:g}…{kind.value.high:g} {kind.value.unit}".strip()
+    rises = " *" if kind.can_rise else ""
+    return f"{sign}{kind.value.low:g}…{kind.value.high:g} {kind.value.unit}".strip() + rises
 
 
 if __name__ == "__main__":

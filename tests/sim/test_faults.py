@@ -138,12 +138,12 @@ def test_one_fault_more_changes_nothing_of_the_first(rover: RobotSpec, meadow: W
 
 
 def test_positions_jump_drift_and_lie(rover: RobotSpec, meadow: WorldSpec, good: Drive) -> None:
-    jumped = off_m(Drive(rover, meadow, f"gnss.jump=2{WHILE}"), good)
-    assert np.hypot(*jumped.T) == pytest.approx(2.0, abs=1e-3)
-    assert np.ptp(jumped, axis=0) == pytest.approx(0.0, abs=1e-3)
+    since_s = np.array([fix.t_s - FROM_S for fix in good.list("gnss", FROM_S, UNTIL_S)])
+    jumped = off_m(Drive(rover, meadow, "gnss.jump=2@2~1+2"), good)  # it rises for a second
+    assert np.hypot(*jumped.T) == pytest.approx(np.minimum(2.0 * since_s, 2.0), abs=1e-3)
+    assert np.ptp(jumped[since_s >= 1.0], axis=0) == pytest.approx(0.0, abs=1e-3)
     drifted = off_m(Drive(rover, meadow, f"gnss.drift=0.1{WHILE}"), good)
-    times_s = [fix.t_s - FROM_S for fix in good.list("gnss", FROM_S, UNTIL_S)]
-    assert np.hypot(*drifted.T) == pytest.approx(0.1 * np.array(times_s), abs=1e-3)
+    assert np.hypot(*drifted.T) == pytest.approx(0.1 * since_s, abs=1e-3)
     lying = Drive(rover, meadow, f"gnss.wrong_fix=0.5{WHILE}", sensors="m8n")
     fixes = lying.list("gnss", FROM_S, UNTIL_S)
     assert {fix.quality for fix in fixes} == {GnssQuality.RTK_FIXED}
@@ -551,6 +551,21 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("gnss.jump=2@10~20+50", (0.0, 1.0, 2.0)),
+        ("gnss.scatter=5@10~20", (1.0, 3.0, 5.0)),  # of one sigma on
+        ("motor.weak=0.2@10~20", (1.0, 0.6, 0.2)),
+        ("imu.bias=-0.4@10~20", (0.0, -0.2, -0.4)),
+        ("gnss.jump=2@10", (2.0, 2.0, 2.0)),
+    ],
+)
+def test_a_value_rises_from_what_is_harmless(text: str, numbers: tuple[float, ...]) -> None:
+    fault = parse_fault(text)
+    assert [fault.find_number(t_s) for t_s in (10.0, 20.0, 40.0)] == pytest.approx(numbers)
+
+
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
     assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 46
     for kind in FAULTS:
@@ -578,6 +593,8 @@ def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> Non
         ("gnss.frozen@3+0", "lasts 0 s"),
         ("gnss.frozen@3+nan", "no time in seconds"),
         ("carried=1@3+2", "leave out +2"),
+        ("gnss.frozen@3~2", "has no value that can rise; leave out ~2"),
+        ("gnss.jump=2@3~0", "it rises in 0 s"),
         ("motor.dead=left@3", "no wheel 'left'"),
         ("start.aside=1@4", "write it with @0"),
         ("gnss.frozen@60", "it never comes, the run ends after 60 s"),

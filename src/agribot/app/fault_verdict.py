@@ -73,12 +73,12 @@ def _judge(
     before: Sequence[Event],
     after: Sequence[Event],
 ) -> FaultReport:
-    known = {_name_kind(event) for event in before}
+    known = {name_kind(event) for event in before}
     signs: list[tuple[Event, Reaction]] = []
     for event in after:
         reaction = _read_reaction(event)
         is_reaction = reaction in ("stopped", "held") or event.kind == "mission"
-        is_new = is_reaction and _name_kind(event) not in known
+        is_new = is_reaction and name_kind(event) not in known
         is_anothers = any(_mentions(other, event) for other in others)
         if reaction != "none" and (_mentions(fault, event) or (is_new and not is_anothers)):
             signs.append((event, reaction))
@@ -124,7 +124,7 @@ def _read_reaction(event: Event) -> Reaction:
     return kinds.get(event.kind, "none")
 
 
-def _name_kind(event: Event) -> tuple[object, ...]:
+def name_kind(event: Event) -> tuple[object, ...]:
     """Return what stays the same while numbers change; words only where there is no code."""
     codes = event.code, *event.causes
     words = event.reason if not event.code or _SAID in codes else ""

@@ -40,7 +40,7 @@ class LineNoise:
 
     def carry(self, data: bytes, frames: int, t_s: float) -> bytes:
         """Return what arrives of the bytes of `frames` frames."""
-        share = sum(fault.number for fault in self._faults if fault.is_on(t_s))
+        share = sum(fault.find_number(t_s) for fault in self._faults if fault.is_on(t_s))
         if not (share and data):
             return data
         spoilt = bytearray(data)
@@ -59,7 +59,8 @@ class LateFrames:
 
     def carry(self, data: bytes, t_s: float) -> bytes:
         """Return what arrives of the board's bytes at a time."""
-        late_s = max((fault.number for fault in self._faults if fault.is_on(t_s)), default=0.0)
+        on = (fault.find_number(t_s) for fault in self._faults if fault.is_on(t_s))
+        late_s = max(on, default=0.0)
         if not (late_s or self._waiting or self._cut):
             return data
         *frames, self._cut = (self._cut + data).split(b"\0")
@@ -126,7 +127,7 @@ class BoardFaults:
 
     def limit_currents(self, current_a: Sequence[float]) -> list[float]:
         """Return what flows through the motors: a broken one lets through less, or nothing."""
-        shares = list_torque_shares(self._on(), self._weak_wheel)
+        shares = list_torque_shares(self._on(), self.t_s, self._weak_wheel)
         return [
             max(min(amperes, shares[name] * self._most_a), -shares[name] * self._most_a)
             if shares[name] < 1.0

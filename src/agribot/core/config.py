@@ -315,7 +315,7 @@ class RunConfig(Config, frozen=True):
     plan: str = ""  # certified field plan instead of the rows
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # rate of the control loop
     duration_s: Positive | None = None  # unset: the run ends with its mission
-    # Faults of the simulated world, each NAME[=VALUE]@T[+SECONDS].
+    # Faults of the simulated world, each NAME[=VALUE]@T[~RISE][+SECONDS].
     faults: tuple[str, ...] = ()
     field: FieldConfig = FieldConfig()
     mission: MissionConfig = MissionConfig()

@@ -286,7 +286,8 @@ def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture
         (["--fault-free", "0"], "--fault-free 0"),
         (["--fault-free", "9", "--special"], "leave out --faults, --special"),
         (["--markdown", "no/page.md", "--no-camera"], "--markdown no/page.md"),
-        (["--markdown", "no/page.md"], "give --camera or --no-camera"),
+        (["--markdown", "no/page.md", "--in-row"], "give --camera or --no-camera"),
+        (["--shard", "1/2", "--special"], "--all and --shard are of the matrix"),
     ):
         assert main(["bench", "faults", *words]) == 2
         assert said in capsys.readouterr().err

@@ -62,7 +62,7 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
         "--for", dest="duration_s", type=finite, metavar="SECONDS", help="stop after"
     )
     parser.add_argument(
-        "--fault", action="append", default=[], metavar="NAME[=VALUE]@T[+SECONDS]",
+        "--fault", action="append", default=[], metavar="NAME[=VALUE]@T[~RISE][+SECONDS]",
         help="let something go wrong in the simulation at T, in seconds (docs/faults.md)",
     )  # fmt: skip
     parser.add_argument("--origin", metavar="ORIGIN", help=HELP)

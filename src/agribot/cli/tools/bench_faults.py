@@ -1,4 +1,4 @@
-"""`agribot bench faults`: one thing goes wrong in every drive, and the robot is judged by it."""
+"""`agribot bench faults`: things go wrong in every drive, and the robot is judged by it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agribot.app.workers import usable_cpus
+from agribot.cli import bench_fault_matrix
 from agribot.cli.ranges import check_workers
 from agribot.cli.tools.sweep import drive_all
 from agribot.cli.word_list import parse_names
@@ -31,12 +32,19 @@ MOST_DRIVES = 100_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    bench_fault_matrix.add_arguments(parser)
+    parser.add_argument(
+        "--in-row", action="store_true",
+        help="instead of the matrix, drives into a row in which one thing fails for good; so do "
+        "--special, --fault-free, --camera, --no-camera and --platform",
+    )  # fmt: skip
     parser.add_argument(
         "--faults", metavar="LIST", help="names such as gnss.jump,motor.dead (default: all)"
     )
     parser.add_argument(
-        "--seeds", default=faults.DEFAULT_SEEDS, metavar="LIST", help="default: %(default)s"
-    )
+        "--seeds", metavar="LIST",
+        help=f"default: {bench_fault_matrix.DEFAULT_SEEDS}, in a row {faults.DEFAULT_SEEDS}",
+    )  # fmt: skip
     parser.add_argument(
         "--special", action="store_true",
         help="only the cases that are looked at one by one, and two sensors that lie at once",
@@ -51,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR",
-        help="what is finished there is not driven again (default: runs/faults with what is "
-        "chosen, such as runs/faults-special-no-camera)",
+        help="what is finished there is not driven again (default: runs/fault-matrix; in a row "
+        "runs/faults with what is chosen, such as runs/faults-special-no-camera)",
     )  # fmt: skip
     parser.add_argument(
         "--camera", action=argparse.BooleanOptionalAction,
@@ -65,14 +73,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--markdown", type=Path, metavar="PAGE",
-        help="put the summary and the rows that are open into their place on a page such as "
-        "docs/results/fault-campaign.md, and all rows into the .csv file beside it",
+        help="put the summary and what is open into their place on a page such as "
+        "docs/results/faults-matrix.md, and all cells into the .csv file beside it",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
     """Return 130 where the campaign was interrupted, else 0: its table is the result."""
+    if not is_in_row(options):
+        return bench_fault_matrix.run(options)
+    if options.all or options.shard:
+        raise ConfigError("--all and --shard are of the matrix; leave out what drives in a row")
+    options.seeds = options.seeds or faults.DEFAULT_SEEDS
+    return _run_in_row(options)
+
+
+def is_in_row(options: argparse.Namespace) -> bool:
+    """Whether drives into a row are asked for, and not the matrix."""
+    is_free = options.fault_free is not None
+    is_other = options.camera is not None or options.platform != "sim"
+    return bool(options.in_row or options.special or is_free or is_other)
+
+
+def _run_in_row(options: argparse.Namespace) -> int:
     from agribot.lab.sweep.tables import SweepFolder
 
     scenarios, jobs = _choose(options)

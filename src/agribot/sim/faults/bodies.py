@@ -41,7 +41,7 @@ class BodyFaults:
     def step(self, t_s: float, physics: Physics) -> Obstacle | None:
         """Let the faults at a time act; return an obstacle that has appeared, or None."""
         on = [fault for fault in self._faults if fault.is_on(t_s)]
-        self._limit_torques(on, physics)
+        self._limit_torques(on, t_s, physics)
         ratio = self._find_friction_ratio(t_s, physics)
         if ratio != self._friction_ratio:
             self._friction_ratio = ratio
@@ -78,11 +78,11 @@ class BodyFaults:
             x_map_m, y_map_m, _ = physics.find_place_map_m(0.0)
             middle_map_m = self._hollows_map_m.setdefault(number, (x_map_m, y_map_m))
             if math.dist(middle_map_m, (x_map_m, y_map_m)) < MUD_RADIUS_M:
-                ratio *= fault.number
+                ratio *= fault.find_number(t_s)
         return ratio
 
-    def _limit_torques(self, on: Sequence[Fault], physics: Physics) -> None:
-        shares = list_torque_shares(on, self._weak_wheel)
+    def _limit_torques(self, on: Sequence[Fault], t_s: float, physics: Physics) -> None:
+        shares = list_torque_shares(on, t_s, self._weak_wheel)
         most_nm = self._drive.wheel_torque_nm
         limits_nm = {wheel: share * most_nm for wheel, share in shares.items()}
         for wheel, limit_nm in limits_nm.items():

@@ -47,10 +47,10 @@ class NoisyLink:
     def _send(self, sample: Any, numbers: tuple[str, ...]) -> tuple[Any, ...]:
         if not self._fault.is_on(sample.t_s):
             return (sample,)
-        draw = float(self._rng.random()) / self._fault.number
-        if draw >= 1.0:
+        share, draw = self._fault.find_number(sample.t_s), float(self._rng.random())
+        if draw >= share:
             return (sample,)
-        return () if draw < 0.5 else (self._spoil(sample, numbers),)
+        return () if draw < 0.5 * share else (self._spoil(sample, numbers),)
 
     def _spoil(self, sample: Any, numbers: tuple[str, ...]) -> Any:
         field = numbers[int(self._rng.integers(len(numbers)))]

@@ -48,11 +48,11 @@ class Magnet:
     def __init__(self, fault: Fault, rng: np.random.Generator) -> None:
         self._fault = fault
         direction_rad = float(rng.uniform(-math.pi, math.pi))
-        size_t = 1e-6 * fault.number
-        self._field_t = size_t * math.cos(direction_rad), size_t * math.sin(direction_rad), 0.0
+        self._ahead, self._left = math.cos(direction_rad), math.sin(direction_rad)
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
-        return _add_field(batch, self._fault, self._field_t)
+        size_t = 1e-6 * self._fault.find_number(batch.t_s)
+        return _add_field(batch, self._fault, (size_t * self._ahead, size_t * self._left, 0.0))
 
 
 def _add_field(batch: SensorBatch, fault: Fault, more_t: Vec3) -> SensorBatch:
@@ -77,7 +77,9 @@ class GyroBias:
 
     def _turn(self, sample: ImuSample) -> ImuSample:
         x, y, z = sample.gyro_radps
-        return msgspec.structs.replace(sample, gyro_radps=(x, y, z + self._fault.number))
+        return msgspec.structs.replace(
+            sample, gyro_radps=(x, y, z + self._fault.find_number(sample.t_s))
+        )
 
 
 class FrozenImu:
@@ -118,7 +120,7 @@ class Late:
         return msgspec.structs.replace(batch, **{field: (*due, *arrived)})
 
     def _is_due(self, now_s: float) -> bool:
-        return self._waiting[0].t_s + self._fault.number <= now_s + ROUNDING_S
+        return self._waiting[0].t_s + self._fault.find_number(now_s) <= now_s + ROUNDING_S
 
 
 class Miscount:

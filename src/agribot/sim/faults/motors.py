@@ -18,12 +18,12 @@ def draw_weak_wheel(seed: int) -> str:
     return WHEEL_NAMES[int(weak.integers(len(WHEEL_NAMES)))]
 
 
-def list_torque_shares(on: Iterable[Fault], weak_wheel: str) -> dict[str, float]:
-    """List what share of its torque each motor has left under the faults that are on."""
+def list_torque_shares(on: Iterable[Fault], t_s: float, weak_wheel: str) -> dict[str, float]:
+    """List what share of its torque each motor has left under the faults that are on at a time."""
     shares = dict.fromkeys(WHEEL_NAMES, 1.0)
     for fault in on:
         if fault.name == "motor.dead":
             shares[fault.wheel] = 0.0
         if fault.name == "motor.weak":
-            shares[weak_wheel] = min(shares[weak_wheel], fault.number)
+            shares[weak_wheel] = min(shares[weak_wheel], fault.find_number(t_s))
     return shares

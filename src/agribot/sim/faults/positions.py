@@ -43,7 +43,7 @@ class Offset:
 
     def _move(self, fix: GnssFix) -> GnssFix:
         fault = self._fault
-        off_m = fault.number
+        off_m = fault.find_number(fix.t_s)
         if fault.name == "gnss.drift":
             off_m *= fix.t_s - fault.begin_s
         east_m, north_m, up_m = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
@@ -91,7 +91,6 @@ class NoisyPosition:
 
     def __init__(self, fault: Fault, datum: Datum, rng: np.random.Generator) -> None:
         self._fault, self._frame, self._rng = fault, MapFrame(datum), rng
-        self._more_ratio = math.sqrt(fault.number**2 - 1.0)
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
         return msgspec.structs.replace(batch, gnss=tuple(self._shake(fix) for fix in batch.gnss))
@@ -100,7 +99,9 @@ class NoisyPosition:
         if not self._fault.is_on(fix.t_s):
             return fix
         place_m = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
-        off_m = self._more_ratio * fix.pos_std_m * self._rng.standard_normal(2)
+        off_m = (
+            _find_more_ratio(self._fault, fix.t_s) * fix.pos_std_m * self._rng.standard_normal(2)
+        )
         lat_deg, lon_deg, alt_m = self._frame.geodetic_from_map(
             place_m[0] + float(off_m[0]), place_m[1] + float(off_m[1]), place_m[2]
         )
@@ -112,8 +113,6 @@ class NoisyVelocity:
 
     def __init__(self, fault: Fault, rng: np.random.Generator) -> None:
         self._fault, self._rng = fault, rng
-        # The receiver's own noise is in the sample already.
-        self._more_ratio = math.sqrt(fault.number**2 - 1.0)
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
         return msgspec.structs.replace(batch, gnss=tuple(self._shake(fix) for fix in batch.gnss))
@@ -121,6 +120,11 @@ class NoisyVelocity:
     def _shake(self, fix: GnssFix) -> GnssFix:
         if fix.velocity_mps is None or not self._fault.is_on(fix.t_s):
             return fix
-        std_mps = self._more_ratio * fix.velocity_std_mps
+        std_mps = _find_more_ratio(self._fault, fix.t_s) * fix.velocity_std_mps
         x, y, z = (np.array(fix.velocity_mps) + std_mps * self._rng.standard_normal(3)).tolist()
         return msgspec.structs.replace(fix, velocity_mps=(x, y, z))
+
+
+def _find_more_ratio(fault: Fault, t_s: float) -> float:
+    """Find the noise to add, in sigmas: the receiver's own is in the sample already."""
+    return math.sqrt(fault.find_number(t_s) ** 2 - 1.0)

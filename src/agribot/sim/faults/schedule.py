@@ -1,4 +1,4 @@
-"""When which fault begins and ends: `NAME[=VALUE]@T[+SECONDS]`, read and checked."""
+"""When which fault begins and ends: `NAME[=VALUE]@T[~RISE][+SECONDS]`, read and checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
 from agribot.sim.faults.table import FaultKind, Span, find_kind
 
-SYNTAX = "NAME[=VALUE]@T[+SECONDS]"
+SYNTAX = "NAME[=VALUE]@T[~RISE][+SECONDS]"
 LONGEST_MISSION_S = 86_400.0  # a day; no battery lasts as long
 ROUNDING_S = 1e-9
 SHORTEST_CARRY_S = 1.0
@@ -26,6 +26,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     """One fault of a run, from `begin_s` until before `end_s` on the run's clock.
 
     `text` is how it was written; `number` and `wheel` are its value, 0 and "" where it has none.
+    The number rises to its value in `rise_s`.
     """
 
     text: str
@@ -34,6 +35,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     end_s: float = math.inf
     number: float = 0.0
     wheel: str = ""
+    rise_s: float = 0.0
 
     @property
     def name(self) -> str:
@@ -50,6 +52,14 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     def is_on(self, t_s: float) -> bool:
         return self.begin_s - ROUNDING_S <= t_s < self.end_s - ROUNDING_S
 
+    def find_number(self, t_s: float) -> float:
+        """Find its number at a time, on the way from what is harmless to its value."""
+        span = self.kind.value
+        if not self.rise_s or not isinstance(span, Span) or span.harmless is None:
+            return self.number
+        share = min(max((t_s - self.begin_s) / self.rise_s, 0.0), 1.0)
+        return span.harmless + share * (self.number - span.harmless)
+
 
 def parse_fault(text: str) -> Fault:
     """Read one fault.
@@ -62,6 +72,7 @@ def parse_fault(text: str) -> Fault:
     if not at:
         raise ConfigError(f"fault {text}: it lacks a time; write it as {SYNTAX}")
     begin, plus, lasting = when.partition("+")
+    begin, tilde, rising = begin.partition("~")
     begin_s = _read_seconds(text, begin)
     if not 0.0 <= begin_s < LONGEST_MISSION_S:
         raise ConfigError(
@@ -79,8 +90,20 @@ def parse_fault(text: str) -> Fault:
     number, wheel = _read_value(text, kind, value.strip() if equals else None)
     return Fault(
         text=text.strip(), kind=kind, begin_s=begin_s, end_s=begin_s + lasting_s,
-        number=number, wheel=wheel,
+        number=number, wheel=wheel, rise_s=_read_rise_s(text, kind, rising) if tilde else 0.0,
     )  # fmt: skip
+
+
+def _read_rise_s(text: str, kind: FaultKind, word: str) -> float:
+    """Read in how many seconds the value of a fault rises."""
+    if not kind.can_rise:
+        raise ConfigError(
+            f"fault {text}: {kind.name} has no value that can rise; leave out ~{word}"
+        )
+    rise_s = _read_seconds(text, word)
+    if rise_s <= 0.0:
+        raise ConfigError(f"fault {text}: it rises in {rise_s:g} s; write more than 0")
+    return rise_s
 
 
 def read_faults(

@@ -18,13 +18,15 @@ from agribot.core.suggestions import suggest_name
 class Span(msgspec.Struct, frozen=True, kw_only=True):
     """A number that a fault takes, in `unit`; the ends belong to it.
 
-    `is_signed` lets it be negative by as much; it is then never 0.
+    `is_signed` lets it be negative by as much; it is then never 0. From `harmless`, which does
+    nothing, the number of a fault may rise slowly; None: it is there at once.
     """
 
     unit: str
     low: float
     high: float
     is_signed: bool = False
+    harmless: float | None = None
 
 
 class FaultKind(msgspec.Struct, frozen=True, kw_only=True):
@@ -50,6 +52,11 @@ class FaultKind(msgspec.Struct, frozen=True, kw_only=True):
         """The parts by which the robot may call this fault."""
         return self.named_as or (self.part,)
 
+    @property
+    def can_rise(self) -> bool:
+        """Whether it may begin slowly."""
+        return isinstance(self.value, Span) and self.value.harmless is not None
+
 
 class FaultPlugin(NamedTuple):
     """A fault of an installed package, an entry point of the group `agribot.faults`.
@@ -68,10 +75,10 @@ FAULTS = (
     FaultKind(name="gnss.outage", part="gnss",
               about="the receiver sends nothing"),
     FaultKind(name="gnss.jump", part="gnss", typical="2",
-              value=Span(unit="m", low=0.01, high=1e6),
+              value=Span(unit="m", low=0.01, high=1e6, harmless=0.0),
               about="all fixes are off by this, in a direction of the seed; status as before"),
     FaultKind(name="gnss.wrong_fix", part="gnss", typical="0.5",
-              value=Span(unit="m", low=0.01, high=1e3),
+              value=Span(unit="m", low=0.01, high=1e3, harmless=0.0),
               about="all fixes are off by this, while status and sigma are those of RTK fixed"),
     FaultKind(name="gnss.drift", part="gnss", typical="0.05",
               value=Span(unit="m/s", low=1e-4, high=100.0),
@@ -79,23 +86,23 @@ FAULTS = (
     FaultKind(name="gnss.frozen", part="gnss",
               about="the receiver repeats its last fix and its velocity, with new time stamps"),
     FaultKind(name="gnss.scatter", part="gnss", typical="5",
-              value=Span(unit="", low=1.0, high=1e3),
+              value=Span(unit="", low=1.0, high=1e3, harmless=1.0),
               about="positions scatter by this multiple of the sigma that the receiver reports"),
     FaultKind(name="gnss.velocity", part="gnss", typical="10",
-              value=Span(unit="", low=1.0, high=1e3),
+              value=Span(unit="", low=1.0, high=1e3, harmless=1.0),
               about="the velocity noise is this multiple of the sigma that the receiver reports"),
     FaultKind(name="mag.motor", part="compass",
               about="the magnetometer feels the motors: 2 uT for each Nm at the wheels"),
     FaultKind(name="mag.offset", part="compass", typical="15",
-              value=Span(unit="uT", low=0.1, high=1e4),
+              value=Span(unit="uT", low=0.1, high=1e4, harmless=0.0),
               about="a magnet on the robot: a horizontal field in a direction of the seed"),
     FaultKind(name="imu.bias", part="imu", typical="0.05",
-              value=Span(unit="rad/s", low=1e-5, high=10.0, is_signed=True),
+              value=Span(unit="rad/s", low=1e-5, high=10.0, is_signed=True, harmless=0.0),
               about="the gyro's yaw rate is off by this"),
     FaultKind(name="imu.frozen", part="imu",
               about="the IMU repeats its last numbers, with new time stamps"),
     FaultKind(name="imu.late", part="imu", typical="0.25",
-              value=Span(unit="s", low=0.01, high=60.0),
+              value=Span(unit="s", low=0.01, high=60.0, harmless=0.0),
               about="samples of the IMU arrive so late, with true time stamps"),
     FaultKind(name="imu.unplugged", part="imu", named_as=("imu", "compass"),
               about="the chip of IMU and magnetometer has no contact, and says nothing"),
@@ -108,12 +115,12 @@ FAULTS = (
               typical=WHEEL_NAMES[3],
               about="the motor has no torque, its wheel rolls freely"),
     FaultKind(name="motor.weak", part="motors", named_as=_MOTOR, typical="0.05",
-              value=Span(unit="", low=0.0, high=1.0),
+              value=Span(unit="", low=0.0, high=1.0, harmless=1.0),
               about="one motor, drawn from the seed, gives at most this share of its torque"),
     FaultKind(name="motor.runaway", part="motors", named_as=_MOTOR,
               about="the board drives ahead at full speed, whatever the command"),
     FaultKind(name="soil.mud", part="ground",
-              typical="0.1", value=Span(unit="", low=0.01, high=1.0),
+              typical="0.1", value=Span(unit="", low=0.01, high=1.0, harmless=1.0),
               about="the ground within 2 m has this share of its strength and friction"),
     FaultKind(name="camera.black", part="camera", about="all pixels are black"),
     FaultKind(name="camera.frozen", part="camera",
@@ -154,7 +161,7 @@ FAULTS = (
               value=Span(unit="s", low=1e-3, high=1e6, is_signed=True),
               about="the clock jumps: all time stamps are off by this"),
     FaultKind(name="link.noise", part="link",
-              typical="0.05", value=Span(unit="", low=1e-4, high=1.0),
+              typical="0.05", value=Span(unit="", low=1e-4, high=1.0, harmless=0.0),
               about="of the samples of board and receivers this share is lost or has a false bit"),
     FaultKind(name="board.silent", part="motors", named_as=_MOTOR,
               about="no wheel samples come, and commands are not heard"),
