@@ -14,6 +14,7 @@ from agribot.autonomy.plan.coverage.tool_gaps import warn_of_gaps
 from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import ImplementMissing, PlanUnfit, Said
 from agribot.core.robot import RobotSpec
 from agribot.core.table_text import read_text_file
 from agribot.gis.field_file import read_field
@@ -54,7 +55,7 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
         problem = certificate.problems[0]
-        raise MissionError(f"{name} is refused for {robot.name}: {problem.rule}: {problem.message}")
+        raise MissionError(PlanUnfit(name, robot.name, problem.rule, Said(problem.message)))
     return FieldWork(saved.plan, saved.area, shape, saved.request)
 
 
@@ -66,10 +67,7 @@ def choose_width_m(asked_m: float | None, robot: RobotSpec) -> float:
     if asked_m is not None:
         return asked_m
     if robot.implement is None:
-        raise MissionError(
-            f"{robot.name} has no implement; give the width of the one to be used "
-            "(--implement-width M)"
-        )
+        raise MissionError(ImplementMissing(robot.name))
     return robot.implement.width_m
 
 

@@ -10,8 +10,16 @@ AgribotError
 └── PlatformError       the robot or the simulator stopped answering
     └── EndOfRecording  a replay has no more batches: the normal end, not a fault
 
-A message says what happened, the value, the limit and what to do about it.
+A message says what happened, the value, the limit and what to do about it. A MissionError carries a
+fact, whose text is made where it is shown.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agribot.core.facts import AnyFact
 
 
 class AgribotError(Exception):
@@ -27,7 +35,18 @@ class DescriptionError(AgribotError):
 
 
 class MissionError(AgribotError):
-    pass
+    """Why there is no such field, plan or way; its text is that of the fact."""
+
+    def __init__(self, fact: AnyFact | str) -> None:
+        from agribot.core.facts import Said
+
+        super().__init__(fact)
+        self.fact = Said(fact) if isinstance(fact, str) else fact
+
+    def __str__(self) -> str:
+        from agribot.core.fact_text import render
+
+        return render(self.fact)
 
 
 class PerceptionError(AgribotError):

@@ -20,7 +20,6 @@ from typing import Any
 
 import msgspec
 
-from agribot.core.errors import ConfigError
 from agribot.core.facts import Fact
 
 LANGUAGES = ("en", "de")
@@ -48,10 +47,10 @@ class Table(msgspec.Struct, frozen=True):
 def load_table(language: str) -> Table:
     """Read the table of a language.
 
-    Raises: ConfigError: there is no such table.
+    Raises: ValueError: there is no such table.
     """
     if language not in LANGUAGES:
-        raise ConfigError(f"no texts in '{language}'; choose one of {', '.join(LANGUAGES)}")
+        raise ValueError(f"no texts in '{language}'; choose one of {', '.join(LANGUAGES)}")
     text = files("agribot.core").joinpath(f"facts.{language}.toml").read_text("utf-8")
     sections = tomllib.loads(text)
     words = sections.pop("words")

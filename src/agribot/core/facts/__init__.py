@@ -36,6 +36,7 @@ from agribot.core.facts.mission import *
 from agribot.core.facts.position import *
 from agribot.core.facts.requests import *
 from agribot.core.facts.sensors import *
+from agribot.core.facts.ways import *
 from agribot.core.facts.wheels import *
 
 if not TYPE_CHECKING:
