@@ -37,11 +37,9 @@ class DescriptionError(AgribotError):
 class MissionError(AgribotError):
     """Why there is no such field, plan or way; its text is that of the fact."""
 
-    def __init__(self, fact: AnyFact | str) -> None:
-        from agribot.core.facts import Said
-
+    def __init__(self, fact: AnyFact) -> None:
         super().__init__(fact)
-        self.fact = Said(fact) if isinstance(fact, str) else fact
+        self.fact = fact
 
     def __str__(self) -> str:
         from agribot.core.fact_text import render
@@ -71,4 +69,9 @@ class EndOfRecording(PlatformError):
 
 def add_advice(fact: str, advice: str) -> str:
     """Add what to do to a fact that does not say it yet."""
-    return fact if ";" in fact else f"{fact}; {advice}"
+    return fact if has_advice(fact) else f"{fact}; {advice}"
+
+
+def has_advice(fact: str) -> bool:
+    """Whether an error of another says what to do."""
+    return ";" in fact
