@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
+import msgspec
+import pytest
+
+from agribot.core.errors import MissionError
 from agribot.core.facts import Fact
 from agribot.record.events import Event
 
@@ -59,3 +64,12 @@ def holds(fact: Fact | None, *wanted: Fact | type[Fact], within: float = SHOWN) 
 def list_codes(events: Iterable[Event]) -> set[str]:
     """List the codes of the facts of events, and of those inside them."""
     return {code for event in events for code in (event.code, *event.causes)}
+
+
+@contextmanager
+def refused(*wanted: Fact | type[Fact]) -> Iterator[None]:
+    """Expect a MissionError with each of these facts, or one of each of these classes."""
+    with pytest.raises(MissionError) as raised:
+        yield
+    assert holds(raised.value.fact, *wanted), raised.value.fact
+    msgspec.json.encode(raised.value.fact)

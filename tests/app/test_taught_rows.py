@@ -22,13 +22,14 @@ from agribot.app.taught_rows import (
 from agribot.autonomy.plan.ways.curves import Segment, sample
 from agribot.cli.main import main
 from agribot.core.config import load
-from agribot.core.errors import MissionError
+from agribot.core.facts import MarksOdd
 from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray, MarkMoment
 from agribot.core.pose import Pose2
 from agribot.gis.drawn_field import SIMPLIFIED_M
 from agribot.gis.field_file import read_field
 from agribot.record.bag.definitions import ros2_store
+from tests.finding import refused
 from tests.record.bag.bag_samples import START_NS, nav_sat_fix
 
 DATUM = Datum(lat_deg=21.0, lon_deg=72.0)
@@ -62,7 +63,7 @@ def test_marks_tell_where_rows_begin_and_end() -> None:
 
 
 def test_a_row_without_an_end_is_refused() -> None:
-    with pytest.raises(MissionError, match="3 marks; every row needs two"):
+    with refused(MarksOdd(3)):
         split_by_marks(DrivenTrack(drive_rows(), (1.0, 2.0, 3.0), DATUM))
 
 

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from agribot.app.world_rows import check_rows, take_world_rows
 from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.cli.main import main
 from agribot.core.config import FieldConfig, RunConfig, load
-from agribot.core.errors import MissionError
+from agribot.core.fact_text import render
+from agribot.core.facts import CropOffRows, Fact, NoCropInRows
 from agribot.core.geo import Datum
 from agribot.core.own_world import OF_A_WORLD
 from agribot.description.field_generator import generate_field
@@ -27,6 +29,7 @@ from agribot.description.row_table import fit_row_table
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import list_worlds, load_world
 from tests import nightly
+from tests.finding import refused
 
 QUICK = ["perception.enabled=false", "record.enabled=false"]
 PLACE = re.compile(r"<spherical_coordinates>.*?</spherical_coordinates>", re.DOTALL)
@@ -124,11 +127,7 @@ def test_rows_that_are_not_those_of_the_world_are_refused_before_anything_moves(
     words += ["--set", "perception.enabled=false"]
     assert main(words) == 2
     told = capsys.readouterr().err
-    assert (
-        "world 'final': 18 of 36 crop plants between the rows of the settings stand more than "
-        "0.25 m off every row; leave out the settings of field to drive the rows of the world, or "
-        "give agribot run another task (--field FILE, --waypoints FILE, --task explore)"
-    ) in told
+    assert render(CropOffRows("final", 18, 36, 0.25, has_rows=True)) in told
     assert not out.exists()
 
 
@@ -145,15 +144,15 @@ def test_fields_as_they_are_drawn_fit_their_rows(profile: str, preset: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    ("settings", "why"),
     [
-        (["field.first_row_start_map_m=[30,2]"], "none of its 36 crop plants stands in the rows"),
-        (["field.row_yaw_deg=80"], "off every row"),
-        (["field.row_pitch_m=1.3"], "off every row"),
+        (["field.first_row_start_map_m=[30,2]"], NoCropInRows(ANY, 36, has_rows=True)),
+        (["field.row_yaw_deg=80"], CropOffRows),
+        (["field.row_pitch_m=1.3"], CropOffRows),
     ],
 )
-def test_other_rows_than_the_crops_are_refused(settings: list[str], words: str) -> None:
-    with pytest.raises(MissionError, match=words):
+def test_other_rows_than_the_crops_are_refused(settings: list[str], why: Fact | type[Fact]) -> None:
+    with refused(why):
         check(load("farm", settings))
 
 
@@ -275,7 +274,7 @@ def test_crop_in_no_straight_rows_asks_for_its_rows(tmp_path: Path) -> None:
     path = tmp_path / "tramlines.world"
     rows = RowsSettings(count=9, tramline_every=3, tramline_m=0.6, pitch_m=0.5)
     write_world(generate_field(FieldSettings(rows=rows), 0), path)
-    with pytest.raises(MissionError, match=r"off every row; state its rows \(field\.first_row"):
+    with refused(CropOffRows(ANY, ANY, ANY, ANY, has_rows=False)):
         check(load("farm", [f'world="{path}"']))
 
 

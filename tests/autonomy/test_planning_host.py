@@ -17,7 +17,7 @@ from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError
-from agribot.core.facts import PlanningWay
+from agribot.core.facts import PlanningWay, Said
 from agribot.core.messages import (
     AnyRequest,
     ControlMission,
@@ -63,7 +63,7 @@ def test_what_is_dropped_is_not_heard_of_and_a_refusal_is_told() -> None:
     host, said = ThreadedPlanning(), list[str]()
 
     def refuse() -> str:
-        raise MissionError("no way")
+        raise MissionError(Said("no way"))
 
     desk = PlanningDesk(host)
     desk.ask(0.0, lambda: "old", 0.1, said.append, lambda error: said.append(str(error)))

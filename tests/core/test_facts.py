@@ -15,7 +15,6 @@ import pytest
 
 import agribot
 from agribot.core import facts
-from agribot.core.errors import ConfigError
 from agribot.core.fact_text import LANGUAGES, Template, load_table, render
 from agribot.core.facts import (
     KINDS,
@@ -107,7 +106,7 @@ def test_the_same_fact_in_german_has_the_same_numbers() -> None:
     assert render(silent, "de") == (
         "das Schütz antwortet nicht: seit 0,52 s > 0,30 s stumm; Leitung und Stecker prüfen"
     )
-    with pytest.raises(ConfigError, match=r"no texts in 'xx'; choose one of en, de"):
+    with pytest.raises(ValueError, match=r"no texts in 'xx'; choose one of en, de"):
         render(silent, "xx")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from agribot.autonomy.estimate.filter.field_rows import FieldRows
 from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import RowsBent
 from agribot.core.messages import Row
 from agribot.core.row_shape import (
     end_yaw_rad,
@@ -28,6 +29,7 @@ from agribot.description.field_settings import (
     RowsSettings,
     WeedsSettings,
 )
+from tests.finding import refused
 
 QUARTER = Row(index=0, start_map_m=(10.0, 0.0), end_map_m=(0.0, 10.0), curvature_radpm=0.1)
 BENDS = [0.0, 0.04, -0.04]
@@ -113,5 +115,5 @@ def test_coordinates_of_the_rows_change_with_the_place_as_their_directions_say(
 
 
 def test_rows_that_would_run_into_each_other_are_refused() -> None:
-    with pytest.raises(MissionError, match="row_curvature_radpm"):
+    with refused(RowsBent(-0.2, ANY, ANY, ANY)):
         lay_rows(FieldConfig(row_curvature_radpm=-0.2, row_count=6))

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import gpxpy
 import pytest
@@ -22,6 +23,18 @@ from isoxml.util.isoxml_io import isoxml_from_zip
 from agribot.autonomy.plan.coverage.area import FieldArea
 from agribot.cli.main import main
 from agribot.core.errors import MissionError
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    EndingUnknown,
+    Fact,
+    FileBroken,
+    FileKindUnknown,
+    ListMissing,
+    NotDegrees,
+    NotGeojson,
+    NothingDrawn,
+    NotLonLat,
+)
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.formats import geopackage, untrusted
@@ -32,6 +45,7 @@ from agribot.gis.formats.table import (
     read_fields,
     write_field_file,
 )
+from tests.finding import find, is_like
 
 HERE = Datum(lat_deg=52.1, lon_deg=11.6)
 FRAME = MapFrame(HERE)
@@ -230,7 +244,7 @@ def shapes_in(projection: bytes) -> bytes:
     return untrusted.pack({name: part.getvalue() for name, part in files.items()})
 
 
-HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
+HOSTILE: dict[str, tuple[str, Callable[[], bytes], str | Fact]] = {
     "entities": ("a.kml", lambda: BOMB, "document type"),
     "entities in UTF-16": ("a.gpx", lambda: BOMB.decode().encode("utf-16"), "document type"),
     "entities in task data": (
@@ -249,29 +263,32 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "not WGS-84"),
     "broken": ("a.gpx", lambda: b"<gpx><trk>", "not XML"),
     "empty": ("a.gpx", lambda: b"", "not XML"),
-    "no places": ("a.gpx", lambda: b"<gpx/>", "holds no point"),
+    "no places": ("a.gpx", lambda: b"<gpx/>", NothingDrawn("'a.gpx'")),
     "no numbers": ("a.gpx", lambda: b'<gpx><wpt lat="x" lon="1"/></gpx>', "could not convert"),
-    "not finite": ("a.gpx", lambda: b'<gpx><wpt lat="nan" lon="1"/></gpx>', "not a number"),
-    "not on Earth": ("a.gpx", lambda: b'<gpx><wpt lat="52" lon="999"/></gpx>', "degrees"),
+    "not finite": ("a.gpx", lambda: b'<gpx><wpt lat="nan" lon="1"/></gpx>', NotDegrees(ANY, "nan")),
+    "not on Earth": (
+        "a.gpx", lambda: b'<gpx><wpt lat="52" lon="999"/></gpx>', NotLonLat(ANY, "[999.0, 52.0]")),
     "no longitude": ("a.gpx", lambda: b'<gpx><wpt lat="52"/></gpx>', "lon"),
-    "no fields": ("a.zip", lambda: untrusted.pack({"TASKDATA.XML": b"<T/>"}), "holds no point"),
+    "no fields": (
+        "a.zip", lambda: untrusted.pack({"TASKDATA.XML": b"<T/>"}), NothingDrawn("'a.zip'")),
     "no shapes": ("a.zip", lambda: untrusted.pack({"a.txt": b""}), "no .shp"),
-    "cut off": ("a.zip", lambda: write_field_file(".shp.zip", FIELD)[:-40], "cannot be read"),
+    "cut off": ("a.zip", lambda: write_field_file(".shp.zip", FIELD)[:-40], "zip"),
     "a ring without corners": (
         "a.geojson", lambda: b'{"type": "Polygon", "coordinates": [[]]}', "a ring has no places"),
     "empty alone": (
-        "a.geojson", lambda: b'{"type": "Polygon", "coordinates": []}', "holds no point"),
-    "a list": ("a.geojson", lambda: b"[0, 0]", "the file: expected a GeoJSON object, got list"),
+        "a.geojson", lambda: b'{"type": "Polygon", "coordinates": []}',
+        NothingDrawn("'a.geojson'")),
+    "a list": ("a.geojson", lambda: b"[0, 0]", NotGeojson("the file", "list")),
     "a number for a feature": (
         "a.geojson", lambda: b'{"type": "FeatureCollection", "features": [5]}',
-        "feature 0: expected a GeoJSON object, got int"),
+        NotGeojson("feature 0", "int")),
     "a number for features": (
         "a.geojson", lambda: b'{"type": "FeatureCollection", "features": 5}',
-        "a FeatureCollection needs a list 'features'"),
+        ListMissing("the file", "FeatureCollection", "features")),
     "a number for a geometry": (
         "a.geojson", lambda: b'{"type": "GeometryCollection", "geometries": [0]}',
         "expected a GeoJSON object, got int"),
-    "unknown": ("a.dwg", lambda: b"", "end with"),
+    "unknown": ("a.dwg", lambda: b"", FileKindUnknown("'a.dwg'", ANY)),
 }  # fmt: skip
 
 
@@ -280,10 +297,14 @@ def test_a_broken_or_hostile_file_is_refused_in_one_sentence(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(geopackage, "_MAX_STEPS", 2_000_000)
-    file_name, data, words = HOSTILE[name]
-    with pytest.raises(MissionError, match=words) as refused:
+    file_name, data, why = HOSTILE[name]
+    with pytest.raises(MissionError) as raised:
         read_field_file(file_name, data())
-    assert "\n" not in str(refused.value)
+    if isinstance(why, Fact):
+        assert is_like(raised.value.fact, why)
+    else:
+        assert why in find(raised.value.fact, FileBroken).error
+    assert "\n" not in str(raised.value)
 
 
 def test_features_without_a_place_are_left_out() -> None:
@@ -351,7 +372,8 @@ def test_a_plan_is_written_in_the_format_that_its_name_says(
     assert kinds.count("leg:swath") > 5
     assert main([*wanted, str(tmp_path / "plan.pdf")]) == 2
     refusal = capsys.readouterr().err
-    assert "plan.pdf: give a name that ends with .geojson" in refusal
+    named = f"--out {tmp_path / 'plan.pdf'}"
+    assert render(EndingUnknown(named, ", ".join(WRITERS))) in refusal
     assert "CERTIFIED" not in refusal, "refused before anything is planned"
 
 

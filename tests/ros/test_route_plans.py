@@ -12,6 +12,7 @@ from agribot.autonomy.plan.ways.curves import Place
 from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import Said
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import Estimate, Inbox, Path
 from agribot.description.loader import load_robot
@@ -30,7 +31,7 @@ FENCE_M = 50.0
 
 def plan_way(here: Estimate, goal: Place) -> Path:
     if max(map(abs, goal[:2])) > FENCE_M:
-        raise MissionError("beyond the fence")
+        raise MissionError(Said("beyond the fence"))
     pose = (here.x_map_m, here.y_map_m, here.yaw_map_rad)
     return plan_waypoints((goal[:2],), pose, ROBOT, MISSION)
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from agribot.core.errors import MissionError
 from agribot.core.facts import WayCrossesCrop
-from agribot.core.refusal import MissionRefusal
 
 pytest.importorskip("starlette")
 from agribot.app.field_work import read_work
@@ -64,7 +64,7 @@ def test_a_robot_between_rows_is_not_led_across_them_into_a_field_beside_them() 
     (x0_m, y0_m), *_, (x1_m, y1_m) = ROWS[0]
     in_row = ((x0_m + x1_m) / 2.0, (y0_m + y1_m) / 2.0, 0.0)
     made = plan(feature("boundary", beside))
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         read_work(made.text, "the plan", CONFIG, ROBOT).plan_from(in_row)
     assert isinstance(refused.value.fact, WayCrossesCrop)
     gone = plan(feature("boundary", beside), is_crop_gone=True)

@@ -14,9 +14,9 @@ from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.mission.task import Task
 from agribot.core import config
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import BeyondFence, PositionLost, TooFarAway
 from agribot.core.messages import ChangeSetting
-from agribot.core.refusal import MissionRefusal
 from agribot.description.loader import load_robot
 from agribot.ui import wire
 from agribot.ui.address import Address
@@ -54,18 +54,18 @@ def test_a_place_that_can_be_reached_has_a_way_its_length_and_its_time(task: Tas
 
 def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
     here = at(*beside(task, 3.0), 0.0)
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         preview_goal(task, here, CONFIG, go_to((500.0, 500.0)))
     assert is_like(refused.value.fact, BeyondFence(500.0, 500.0, ANY))
     lost = at(0.0, 0.0, 0.0, ok=False)
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         preview_goal(task, lost, CONFIG, go_to((0.0, 0.0)))
     assert isinstance(refused.value.fact, PositionLost)
 
 
 def test_a_place_too_far_from_the_robot_is_refused_before_a_way_is_planned(task: Task) -> None:
     far = at(5.3e6, 0.0, 0.0)
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         preview_goal(task, far, CONFIG, go_to((1.0, 0.0)))
     assert is_like(refused.value.fact, TooFarAway(5_299_999.0, 1000.0), within=0.5)
 

@@ -14,6 +14,7 @@ from agribot.autonomy.plan.coverage.tool_gaps import warn_of_gaps
 from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import FileUnreadable, ImplementMissing, PlanBroken, PlanUnfit, Said
 from agribot.core.robot import RobotSpec
 from agribot.core.table_text import read_text_file
 from agribot.gis.field_file import read_field
@@ -28,7 +29,7 @@ def read_plan_text(config: RunConfig) -> str:
     try:
         return read_text_file(Path(config.plan))
     except (OSError, ValueError) as error:
-        raise MissionError(f"cannot read {config.plan}: {error}; check the path") from error
+        raise MissionError(FileUnreadable(config.plan, str(error))) from error
 
 
 def read_field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
@@ -47,14 +48,14 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
-        raise MissionError(f"{name} is not valid JSON: {error}; plan it again") from error
+        raise MissionError(PlanBroken(name, str(error))) from error
     saved = parse_plan(root, name, config.field.datum)
     saved = saved._replace(area=cut_keep_out(saved.area, config.field.keep_out_map_m))
     shape = measure_footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
         problem = certificate.problems[0]
-        raise MissionError(f"{name} is refused for {robot.name}: {problem.rule}: {problem.message}")
+        raise MissionError(PlanUnfit(name, robot.name, problem.rule, Said(problem.message)))
     return FieldWork(saved.plan, saved.area, shape, saved.request)
 
 
@@ -66,10 +67,7 @@ def choose_width_m(asked_m: float | None, robot: RobotSpec) -> float:
     if asked_m is not None:
         return asked_m
     if robot.implement is None:
-        raise MissionError(
-            f"{robot.name} has no implement; give the width of the one to be used "
-            "(--implement-width M)"
-        )
+        raise MissionError(ImplementMissing(robot.name))
     return robot.implement.width_m
 
 

@@ -14,6 +14,7 @@ from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.weeds.plant_table import is_crop, move_to_datum
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import CropMapCount, CropMapWide
 from agribot.core.messages import MapPoint
 from agribot.gis.weeds.files import read_map
 
@@ -33,16 +34,10 @@ def read_plant_file(config: RunConfig) -> bytes:
     table = move_to_datum(read_map(path, path.stem), config.field.datum)
     stems = np.round(table.xy_m[is_crop(table.rows)], DECIMALS)
     if not FEWEST <= len(stems) <= MOST:
-        raise MissionError(
-            f"{path.name} has {len(stems)} crop plants, not {FEWEST} to {MOST}; give the "
-            "weeds.geojson of a run that drove these rows"
-        )
+        raise MissionError(CropMapCount(path.name, len(stems), FEWEST, MOST))
     area_m2 = float(np.prod(np.ptp(stems, axis=0)))
     if not area_m2 <= MOST_M2:
-        raise MissionError(
-            f"the crop of {path.name} spreads over {area_m2 / 1e4:.0f} ha, more than "
-            f"{MOST_M2 / 1e4:.0f}; cut the map to the part that is driven"
-        )
+        raise MissionError(CropMapWide(path.name, area_m2 / 1e4, MOST_M2 / 1e4))
     return msgspec.json.encode(stems.tolist())
 
 

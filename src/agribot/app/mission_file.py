@@ -14,6 +14,7 @@ import msgspec
 from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import MissionBroken, MissionDone, RunUnreadable
 from agribot.core.messages import TickRecord
 from agribot.core.whole_file import write_at_once
 
@@ -115,11 +116,9 @@ def read_mission(folder: Path) -> SavedMission:
     try:
         saved = msgspec.json.decode(path.read_bytes(), type=SavedMission)
     except OSError as error:
-        raise MissionError(
-            f"cannot read {path}: {error.strerror}; give the folder of a run that was cut off"
-        ) from error
+        raise MissionError(RunUnreadable(str(path), str(error.strerror))) from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise MissionError(f"{path} is broken: {error}; start a new mission") from error
+        raise MissionError(MissionBroken(str(path), str(error))) from error
     if saved.state == "done":
-        raise MissionError(f"the mission in {folder} is done; there is nothing to resume")
+        raise MissionError(MissionDone(str(folder)))
     return saved

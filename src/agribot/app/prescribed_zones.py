@@ -11,6 +11,7 @@ from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import FileLarge, FileUnreadable
 from agribot.core.row_shape import row_points_map_m
 from agribot.core.sqlite_file import read_with_log
 from agribot.gis.formats.untrusted import MAX_FILE_BYTES
@@ -27,12 +28,10 @@ def read_prescription_file(config: RunConfig) -> bytes:
     path = Path(config.treatment.prescription)
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
-            raise MissionError(
-                f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}; split it"
-            )
+            raise MissionError(FileLarge(path.name, path.stat().st_size, MAX_FILE_BYTES))
         return read_with_log(path)
     except OSError as error:
-        raise MissionError(f"cannot read {path}: {error}; check the path") from error
+        raise MissionError(FileUnreadable(str(path), str(error))) from error
 
 
 def read_zones(data: bytes, config: RunConfig, work: FieldWork | None) -> ZoneMap | None:

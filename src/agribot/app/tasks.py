@@ -18,6 +18,7 @@ from agribot.autonomy.plan.tasks.waypoint_task import WaypointTask
 from agribot.autonomy.plan.ways.waypoints import parse_waypoints
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import FileUnreadable, WaypointOffField
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import MapFrame
 from agribot.core.messages import MapPoint, TakePlan, TickRecord
@@ -88,7 +89,7 @@ def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
     try:
         text = read_text_file(path)
     except (OSError, ValueError) as error:
-        raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
+        raise MissionError(FileUnreadable(str(path), str(error))) from error
     frame = MapFrame(config.field.datum)
     limit_m = config.mission.max_waypoint_distance_m
     goals: list[MapPoint] = []
@@ -96,10 +97,6 @@ def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
         east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, config.field.datum.alt_m)
         distance_m = math.hypot(east_m, north_m)
         if distance_m > limit_m:
-            raise MissionError(
-                f"{path.name}: waypoint {number} is {distance_m:.0f} m from the field's origin, "
-                f"farther than {limit_m:.0f} m; correct it, or raise "
-                "mission.max_waypoint_distance_m"
-            )
+            raise MissionError(WaypointOffField(path.name, number, distance_m, limit_m))
         goals.append((east_m, north_m))
     return tuple(goals)

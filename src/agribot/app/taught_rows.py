@@ -14,6 +14,7 @@ import numpy as np
 from agribot.app.run_recording import find_recording
 from agribot.autonomy.control.fence import measure_growth_m
 from agribot.core.errors import MissionError
+from agribot.core.facts import MarksOdd, NoFixesIn, NoStretch, NotMoved, RowWithoutLength
 from agribot.core.geo import Datum, MapFrame, make_datum
 from agribot.core.messages import FloatArray, MarkMoment
 from agribot.gis.drawn_field import DrawnRow, format_drawn_field
@@ -65,10 +66,7 @@ def teach_rows(recording: Path) -> TaughtField:
     track = _read(path)
     stretches = split_by_marks(track) if track.marks_s else split_by_turns(track.points)
     if not stretches:
-        raise MissionError(
-            f"{path} has no stretch of {SHORTEST_M:g} m without a turn; drive along a row from end "
-            "to end, or mark its beginning and its end"
-        )
+        raise MissionError(NoStretch(str(path), SHORTEST_M))
     rows = [_draw(stretch) for stretch in stretches]
     text = format_drawn_field(rows, track.points[:, 1:3], track.datum, track.unsure_m)
     return TaughtField(text, len(rows), track.left_out)
@@ -81,17 +79,13 @@ def split_by_marks(track: DrivenTrack) -> list[FloatArray]:
     """
     marks_s = track.marks_s
     if len(marks_s) % 2:
-        raise MissionError(
-            f"the drive has {len(marks_s)} marks; every row needs two, at its beginning and its end"
-        )
+        raise MissionError(MarksOdd(len(marks_s)))
     found = []
     for number, (begin_s, end_s) in enumerate(zip(marks_s[::2], marks_s[1::2], strict=True), 1):
         t_s = track.points[:, 0]
         stretch = track.points[(t_s >= begin_s) & (t_s <= end_s)]
         if len(stretch) < 2:
-            raise MissionError(
-                f"row {number} has no length: its two marks are at one place; drive it again"
-            )
+            raise MissionError(RowWithoutLength(number))
         found.append(stretch)
     return found
 
@@ -178,7 +172,7 @@ def _read_fixes(path: Path) -> DrivenTrack:
 
     fixes = read_track(path).points
     if not fixes:
-        raise MissionError(f"{path} has no fix; nothing is known of where the robot drove")
+        raise MissionError(NoFixesIn(str(path)))
     # Any of the places will do, but for that of a receiver that did not know it yet.
     alts_m = [fix.alt_m for fix in fixes if not math.isnan(fix.alt_m)]
     datum = make_datum(
@@ -202,6 +196,6 @@ def _has_moved(points: Sequence[tuple[float, ...]], x_m: float, y_m: float) -> b
 
 def _make_table(points: Sequence[tuple[float, ...]], path: Path) -> FloatArray:
     if len(points) < 2:
-        raise MissionError(f"{path}: the robot did not move; nothing was taught")
+        raise MissionError(NotMoved(str(path)))
     table: FloatArray = np.array(points, dtype=np.float64)
     return table

@@ -13,6 +13,7 @@ from agribot.app.run_world import RunWorld
 from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig, RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import CropOffRows, NoCropInRows
 from agribot.core.messages import FloatArray, Row
 from agribot.core.platforms import find_platform
 from agribot.core.robot import Shape
@@ -110,21 +111,10 @@ def check_rows(made: RunWorld, config: RunConfig) -> None:
     off, count = int(np.count_nonzero(off_m > limit_m)), len(off_m)
     if count and off <= MOST_OFF_RATIO * count:
         return
-    fact = (
-        f"{off} of {count} crop plants between the rows of the settings stand more than "
-        f"{limit_m:.2f} m off every row"
-        if count
-        else f"none of its {len(crop_xy_m)} crop plants stands in the rows of the settings"
-    )
-    raise MissionError(f"world '{config.world}': {fact}; {_advise(made.world)}")
-
-
-def _advise(world: WorldSpec) -> str:
-    if find_row_table(world) is None:
-        where = "state its rows (field.first_row_start_map_m and the other settings of field), or"
-    else:
-        where = "leave out the settings of field to drive the rows of the world, or"
-    return f"{where} give agribot run another task (--field FILE, --waypoints FILE, --task explore)"
+    has_rows = find_row_table(made.world) is not None
+    if count:
+        raise MissionError(CropOffRows(config.world, off, count, limit_m, has_rows))
+    raise MissionError(NoCropInRows(config.world, len(crop_xy_m), has_rows))
 
 
 def _measure_off_m(rows: Sequence[Row], crop_xy_m: FloatArray, config: RunConfig) -> FloatArray:

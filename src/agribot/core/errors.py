@@ -10,8 +10,16 @@ AgribotError
 └── PlatformError       the robot or the simulator stopped answering
     └── EndOfRecording  a replay has no more batches: the normal end, not a fault
 
-A message says what happened, the value, the limit and what to do about it.
+A message says what happened, the value, the limit and what to do about it. A MissionError carries a
+fact, whose text is made where it is shown.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agribot.core.facts import AnyFact
 
 
 class AgribotError(Exception):
@@ -27,7 +35,16 @@ class DescriptionError(AgribotError):
 
 
 class MissionError(AgribotError):
-    pass
+    """Why there is no such field, plan or way; its text is that of the fact."""
+
+    def __init__(self, fact: AnyFact) -> None:
+        super().__init__(fact)
+        self.fact = fact
+
+    def __str__(self) -> str:
+        from agribot.core.fact_text import render
+
+        return render(self.fact)
 
 
 class PerceptionError(AgribotError):
@@ -52,4 +69,9 @@ class EndOfRecording(PlatformError):
 
 def add_advice(fact: str, advice: str) -> str:
     """Add what to do to a fact that does not say it yet."""
-    return fact if ";" in fact else f"{fact}; {advice}"
+    return fact if has_advice(fact) else f"{fact}; {advice}"
+
+
+def has_advice(fact: str) -> bool:
+    """Whether an error of another says what to do."""
+    return ";" in fact

@@ -11,18 +11,18 @@ place. `words.number.point` is what stands between a number and its decimals.
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Mapping
 from functools import cache
+from importlib.metadata import entry_points
 from importlib.resources import files
 from string import Formatter
 from typing import Any
 
 import msgspec
 
-from agribot.core.errors import ConfigError
 from agribot.core.facts import Fact, PluginFact
-from agribot.core.plugins import FACTS, find_plugin
 
 LANGUAGES = ("en", "de")
 UNKNOWN = "?"  # a value that is not known
@@ -49,10 +49,10 @@ class Table(msgspec.Struct, frozen=True):
 def load_table(language: str) -> Table:
     """Read the table of a language.
 
-    Raises: ConfigError: there is no such table.
+    Raises: ValueError: there is no such table.
     """
     if language not in LANGUAGES:
-        raise ConfigError(f"no texts in '{language}'; choose one of {', '.join(LANGUAGES)}")
+        raise ValueError(f"no texts in '{language}'; choose one of {', '.join(LANGUAGES)}")
     text = files("agribot.core").joinpath(f"facts.{language}.toml").read_text("utf-8")
     sections = tomllib.loads(text)
     words = sections.pop("words")
@@ -77,13 +77,20 @@ def render_apart(fact: Fact, language: str = "en") -> tuple[str, str]:
     return text, _fill(choose(entry.do, fact), fact, language)
 
 
+@cache
+def _load_texts(plugin: str, path: tuple[str, ...]) -> Any:
+    """Import the texts of a package that is installed on `path`."""
+    (point,) = entry_points(group="agribot.facts", name=plugin)
+    return point.load()
+
+
 def _find_of_package(fact: PluginFact, language: str) -> Entry | None:
     """Fill the texts that a package has for its fact, those in English where it lacks a language.
 
     None where it has none, or where they do not fit: a text must not end a run.
     """
     try:
-        texts = find_plugin(FACTS, fact.plugin) or {}
+        texts = _load_texts(fact.plugin, tuple(sys.path))
         entry = msgspec.convert((texts.get(language) or texts["en"])[fact.name], Entry)
         return Entry(str(entry.text).format(**fact.amounts), str(entry.do).format(**fact.amounts))
     except Exception:  # noqa: BLE001 (whatever is in a package of others)

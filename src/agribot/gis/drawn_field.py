@@ -12,6 +12,7 @@ import numpy as np
 from agribot.autonomy.plan.coverage.area import MARGIN_M, MOST_CROP_MARGIN_M, MOST_MARGIN_M
 from agribot.core.arithmetic import clamp
 from agribot.core.errors import MissionError
+from agribot.core.facts import NothingDriven
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, MapPoint
 
@@ -49,7 +50,7 @@ def format_drawn_field(
     Raises: MissionError: there is no row.
     """
     if not rows:
-        raise MissionError("no row was driven; there is nothing to draw")
+        raise MissionError(NothingDriven())
     frame = MapFrame(datum)
     rows = [row._replace(line=_simplify(row)) for row in _sort(rows)]
     unsure_m = max(unsure_m, LEAST_UNSURE_M)

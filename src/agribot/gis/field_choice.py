@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoSuchField, SeveralFields
 from agribot.gis.formats.kinds import make_outline
 
 Member = dict[str, Any]
@@ -40,7 +41,7 @@ def keep_field(root: dict[str, Any], name: str, shown: str) -> dict[str, Any]:
     features: list[Member] = root["features"]
     fields, parts = _name_all(features, "boundary", "field"), _name_parts(root)
     if name not in fields.keys() | parts.keys():
-        raise MissionError(f"{shown} has no '{name}'; its fields: {_list_names(fields | parts)}")
+        raise MissionError(NoSuchField(shown, name, _list_names(fields | parts)))
     if name in parts:
         features = _keep_field([*features, parts[name]], parts[name])
     elif len(fields) > 1 or parts:
@@ -57,10 +58,8 @@ def choose_field(root: dict[str, Any], wanted: Sequence[str], shown: str) -> dic
     lines = _name_all(root["features"], "ab_line", "line")
     unknown = [name for name in wanted if name not in fields.keys() | parts.keys() | lines.keys()]
     if unknown:
-        raise MissionError(
-            f"{shown} has no '{unknown[0]}'; its fields: {_list_names(fields | parts)}; its A-B "
-            f"lines: {_list_names(lines)}"
-        )
+        named = _list_names(fields | parts), _list_names(lines)
+        raise MissionError(NoSuchField(shown, unknown[0], *named))
     is_part = any(name in parts for name in wanted)
     if len(fields) > 1 or is_part:
         root = keep_field(root, _choose(fields | parts, wanted, "fields", shown), shown)
@@ -70,7 +69,7 @@ def choose_field(root: dict[str, Any], wanted: Sequence[str], shown: str) -> dic
     lines = {name: line for name, line in lines.items() if id(line) in kept}
     features: list[Member] = root["features"]
     if len(lines) > 1:
-        line = lines[_choose(lines, wanted, "A-B lines", shown)]
+        line = lines[_choose(lines, wanted, "lines", shown)]
         features = [f for f in features if f is line or f["properties"]["kind"] != "ab_line"]
     return {**_without_parts(root), "features": features}
 
@@ -100,14 +99,14 @@ def _find_name(feature: Member) -> str:
     return str(names.get("name") or names.get("field_name") or names.get("field") or "").strip()
 
 
-def _choose(named: dict[str, Member], wanted: Sequence[str], what: str, shown: str) -> str:
+def _choose(
+    named: dict[str, Member], wanted: Sequence[str], what: Literal["fields", "lines"], shown: str
+) -> str:
     chosen = [name for name in wanted if name in named]
     if len(chosen) == 1:
         return chosen[0]
-    raise MissionError(
-        f"{shown} has {len(named)} {what}: {_list_names(named)}; choose one behind the name of the "
-        f"file: '{shown}#{next(iter(named))}'"
-    )
+    example = f"{shown}#{next(iter(named))}"
+    raise MissionError(SeveralFields(shown, len(named), what, _list_names(named), example))
 
 
 def _list_names(named: dict[str, Member]) -> str:

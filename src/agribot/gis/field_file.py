@@ -17,8 +17,19 @@ from agribot.autonomy.plan.coverage.area import (
     MapLine,
 )
 from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    AbLineClosed,
+    BoundaryCount,
+    FieldFar,
+    KindUnknown,
+    LineShort,
+    ManyAbLines,
+    MarginWrong,
+    RowOutside,
+    ShapeWrong,
+)
 from agribot.core.geo import Datum, MapFrame
-from agribot.core.json_number import is_number
+from agribot.core.json_number import is_number, quote_value
 from agribot.core.messages import MapPoint
 from agribot.gis.field_choice import choose_field, split_choice
 from agribot.gis.formats.table import read_fields
@@ -80,25 +91,17 @@ def _sort_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[
     for feature in found:
         kind = feature.kind or _guess_kind(feature, has_boundary=bool(kinds["boundary"]))
         if kind not in kinds:
-            raise MissionError(f"{feature.where}: kind {kind!r} is not one of {', '.join(KINDS)}")
+            raise MissionError(KindUnknown(feature.where, repr(kind), ", ".join(KINDS)))
         wanted = {"boundary": "Polygon", "obstacle": "Polygon", "waypoint": "Point"}
-        if feature.geometry != wanted.get(kind, "LineString"):
-            raise MissionError(
-                f"{feature.where}: a {kind} must be a {wanted.get(kind, 'LineString')}, "
-                f"not a {feature.geometry}"
-            )
+        needed = wanted.get(kind, "LineString")
+        if feature.geometry != needed:
+            raise MissionError(ShapeWrong(feature.where, kind, needed, feature.geometry))
         kinds[kind].append(feature)
-    if len(kinds["boundary"]) != 1:
-        raise MissionError(
-            f"{source_name} has {len(kinds['boundary'])} polygons of kind 'boundary'"
-            f"{_list_names(kinds['boundary'])}; a field needs exactly one, others may be of kind "
-            "'obstacle', and a line around the field has to end where it began"
-        )
-    if len(kinds["ab_line"]) > 1:
-        raise MissionError(
-            f"{source_name} has {len(kinds['ab_line'])} lines of kind 'ab_line'"
-            f"{_list_names(kinds['ab_line'])}; swaths run along one, so remove the others"
-        )
+    outlines, lines = kinds["boundary"], kinds["ab_line"]
+    if len(outlines) != 1:
+        raise MissionError(BoundaryCount(source_name, len(outlines), _list_names(outlines)))
+    if len(lines) > 1:
+        raise MissionError(ManyAbLines(source_name, len(lines), _list_names(lines)))
     return kinds
 
 
@@ -112,10 +115,7 @@ def _read_margin_m(boundary: Feature) -> float:
     if margin_m is None:
         return MARGIN_M
     if not is_number(margin_m) or not 0.0 <= margin_m <= MOST_MARGIN_M:
-        raise MissionError(
-            f"{boundary.where}: margin_m {margin_m!r}: must be a number from 0 to "
-            f"{MOST_MARGIN_M:g}, in metres"
-        )
+        raise MissionError(MarginWrong(boundary.where, quote_value(margin_m), MOST_MARGIN_M))
     return float(margin_m)
 
 
@@ -132,18 +132,13 @@ def _check_place(ring: Sequence[LonLat], datum: Datum, source_name: str) -> None
     if away_m <= MAX_OFFSET_M:
         return
     lon_deg, lat_deg = ring[0]
-    hint = f"check its coordinates, or put the map there with --origin {lat_deg:.6f},{lon_deg:.6f}"
+    instead, origin = "", f"{lat_deg:.6f},{lon_deg:.6f}"
     if abs(lon_deg) <= 90.0:
         swapped_m = math.hypot(*_to_map((lat_deg, lon_deg), frame))
         if swapped_m < MAX_OFFSET_M < math.hypot(*_to_map(ring[0], frame)):
-            hint = (
-                "it seems that latitude and longitude are swapped: GeoJSON has longitude first, "
-                f"[{lat_deg}, {lon_deg}]"
-            )
+            instead = f"[{round(lat_deg, 7)}, {round(lon_deg, 7)}]"
     raise MissionError(
-        f"{source_name}: the field reaches {away_m / 1000:.0f} km from its origin at latitude "
-        f"{datum.lat_deg:.6f}, longitude {datum.lon_deg:.6f}, more than "
-        f"{MAX_OFFSET_M / 1000:.0f} km; {hint}"
+        FieldFar(source_name, away_m, datum.lat_deg, datum.lon_deg, MAX_OFFSET_M, origin, instead)
     )
 
 
@@ -185,20 +180,10 @@ def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
     for name, line in lines:
         length_m = sum(math.dist(a, b) for a, b in pairwise(line))
         if length_m < MIN_LINE_M:
-            raise make_fault(
-                f"{source_name}: {name}",
-                line[0],
-                frame,
-                f" is {length_m:.2f} m long, shorter than {MIN_LINE_M} m; give it a beginning and "
-                "an end",
-            )
+            short = LineShort(f"{source_name}: {name}", length_m, MIN_LINE_M)
+            raise make_fault(short, line[0], frame)
     if area.ab_line and math.dist(area.ab_line[0], area.ab_line[-1]) < MIN_LINE_M:
-        raise make_fault(
-            f"{source_name}: the ab_line ends where it begins",
-            area.ab_line[0],
-            frame,
-            "; swaths run from its first to its last point",
-        )
+        raise make_fault(AbLineClosed(source_name), area.ab_line[0], frame)
 
 
 def _check_rows(
@@ -210,10 +195,5 @@ def _check_rows(
         outside = shapely.LineString(row).difference(field)
         if not outside.is_empty:
             place = shapely.get_coordinates(outside)[0]
-            raise make_fault(
-                f"{source_name}: {outside.length:.1f} m of row {number} lie outside the field or "
-                "in an obstacle, first",
-                place,
-                frame,
-                "; check the rows and the boundary",
-            )
+            length_m = float(outside.length)
+            raise make_fault(RowOutside(source_name, number, length_m), place, frame)

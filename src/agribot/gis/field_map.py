@@ -8,6 +8,7 @@ import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea
 from agribot.core.errors import MissionError
+from agribot.core.facts import MapLarge
 from agribot.core.geo import Datum
 from agribot.description.ros_map import FREE, MAX_CELLS, OCCUPIED, RosMap
 
@@ -27,9 +28,9 @@ def make_field_map(area: FieldArea, datum: Datum, resolution_m: float) -> RosMap
     rows = math.ceil((north_m - south_m) / resolution_m)
     if max(columns, rows) > MAX_CELLS:
         raise MissionError(
-            f"a field of {east_m - west_m:.0f} x {north_m - south_m:.0f} m with cells of "
-            f"{resolution_m:g} m has {max(columns, rows)} cells along a side > {MAX_CELLS}; choose "
-            "a larger --resolution"
+            MapLarge(
+                east_m - west_m, north_m - south_m, resolution_m, max(columns, rows), MAX_CELLS
+            )
         )
     x_m = west_m + (np.arange(columns) + 0.5) * resolution_m
     y_m = south_m + (np.arange(rows) + 0.5) * resolution_m

@@ -7,9 +7,25 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agribot.core.errors import MissionError, add_advice
-from agribot.core.geo import NOWHERE, is_nowhere
-from agribot.core.json_number import is_number
+from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    AtNullIsland,
+    FileBroken,
+    FileUnreadable,
+    GeometryMissing,
+    GeometryUnfit,
+    LatLonSwapped,
+    ListMissing,
+    ManyPoints,
+    NotDegrees,
+    NotGeojson,
+    NotLonLat,
+    NotPosition,
+    NotPositions,
+    OtherCoordinates,
+)
+from agribot.core.geo import is_nowhere
+from agribot.core.json_number import is_number, quote_value
 from agribot.core.table_text import decode_text, read_text_file
 
 if TYPE_CHECKING:
@@ -76,11 +92,11 @@ def read_json(path: Path) -> Any:
     try:
         text = read_text_file(path)
     except (OSError, ValueError) as error:
-        raise MissionError(f"cannot read {path}: {error}; check the path") from error
+        raise MissionError(FileUnreadable(str(path), str(error))) from error
     try:
         return parse_json(text)
     except ValueError as error:
-        raise MissionError(add_advice(f"{path.name}: {error}", "export it anew")) from error
+        raise MissionError(FileBroken(path.name, str(error))) from error
 
 
 def parse_json(text: str) -> Any:
@@ -140,16 +156,11 @@ def parse_features(root: object, source_name: str) -> list[Feature]:
     """
     other = find_other_crs(root.get("crs")) if isinstance(root, dict) else ""
     if other:
-        raise MissionError(
-            f"{source_name}: its coordinates are in {other}; convert it to WGS-84 (EPSG:4326) first"
-        )
+        raise MissionError(OtherCoordinates(source_name, other))
     found = list(_iterate_features(root, source_name))
     points = sum(len(part) for feature in found for part in feature.parts)
     if points > MAX_POINTS:
-        raise MissionError(
-            f"{source_name} has {points} points, more than the limit of {MAX_POINTS}; simplify it, "
-            "a point every decimetre is more than enough"
-        )
+        raise MissionError(ManyPoints(source_name, points, MAX_POINTS))
     return found
 
 
@@ -159,7 +170,7 @@ def need_object(node: object, where: str) -> dict[str, Any]:
     Raises: MissionError: it is another type.
     """
     if not isinstance(node, dict):
-        raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
+        raise MissionError(NotGeojson(where, type(node).__name__))
     return node
 
 
@@ -170,7 +181,7 @@ def need_members(node: dict[str, Any], name: str, where: str) -> Sequence[Any]:
     """
     members = node.get(name)
     if not isinstance(members, list | tuple):
-        raise MissionError(f"{where}: a {node.get('type')} needs a list '{name}'")
+        raise MissionError(ListMissing(where, str(node.get("type")), name))
     return members
 
 
@@ -185,7 +196,7 @@ def _iterate_features(root: object, where: str) -> Iterator[Feature]:
         properties = node.get("properties") or {}
         node = node.get("geometry")
     if not isinstance(node, dict) or not isinstance(properties, dict):
-        raise MissionError(f"{where}: the feature has no geometry; draw or remove it")
+        raise MissionError(GeometryMissing(where))
     kind = str(properties.get("kind") or "")
     yield Feature(where, kind, str(node.get("type")), _read_parts(node, where), properties)
 
@@ -201,15 +212,12 @@ def _read_parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
             _read_positions(ring, f"{where} ring {number}")
             for number, ring in enumerate(coordinates)
         ]
-    raise MissionError(
-        f"{where}: geometry {name!r} cannot be used; use Polygon, LineString or Point, one per "
-        "feature"
-    )
+    raise MissionError(GeometryUnfit(where, quote_value(name), "field"))
 
 
 def _read_positions(coordinates: object, where: str) -> list[LonLat]:
     if not isinstance(coordinates, list) or not coordinates:
-        raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
+        raise MissionError(NotPositions(where))
     return [
         read_position(item, f"{where} position {number}") for number, item in enumerate(coordinates)
     ]
@@ -221,24 +229,18 @@ def read_position(position: object, where: str) -> LonLat:
     Raises: MissionError: no longitude and latitude in degrees.
     """
     if not isinstance(position, list | tuple) or len(position) < 2:
-        raise MissionError(f"{where}: {position!r} is not [lon, lat]; write two numbers")
+        raise MissionError(NotPosition(where, quote_value(position)))
     lon_deg, lat_deg = (_read_degrees(value, where) for value in position[:2])
     if abs(lat_deg) > 90.0 >= abs(lon_deg):
-        raise MissionError(
-            f"{where}: latitude {lat_deg} is outside -90 to 90 degrees; it seems that latitude "
-            f"and longitude are swapped: GeoJSON has longitude first, [{lat_deg}, {lon_deg}]"
-        )
+        raise MissionError(LatLonSwapped(where, lat_deg, f"[{lat_deg}, {lon_deg}]"))
     if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
-        raise MissionError(
-            f"{where}: [{lon_deg}, {lat_deg}] is not a longitude and a latitude in degrees; "
-            "export the file in WGS 84 (EPSG:4326)"
-        )
+        raise MissionError(NotLonLat(where, f"[{lon_deg}, {lat_deg}]"))
     if is_nowhere(lat_deg, lon_deg):
-        raise MissionError(f"{where}: {NOWHERE}")
+        raise MissionError(AtNullIsland(where))
     return lon_deg, lat_deg
 
 
 def _read_degrees(value: object, where: str) -> float:
     if not is_number(value):
-        raise MissionError(f"{where}: {value!r} is not a number of degrees")
+        raise MissionError(NotDegrees(where, quote_value(value)))
     return float(value)

@@ -10,7 +10,20 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    AbLineClosed,
+    AnyFact,
+    LineShort,
+    ObstacleOutside,
+    ObstaclesEverywhere,
+    RingCrosses,
+    RingFlat,
+    RingShort,
+    RowOutside,
+)
 from agribot.core.geo import MapFrame
 from agribot.core.messages import MapPoint
 
@@ -26,16 +39,19 @@ TOUCH_M = 0.01  # distance from the edge within which an obstacle is at the edge
 
 
 class GroundFault(MissionError):
-    """Fault of a field and its place: `text` is the message without the place."""
+    """Fault of a field and its place: `bare` is the fact without the place."""
 
-    text: str = ""
+    bare: AnyFact
     at_map_m: MapPoint = (0.0, 0.0)
 
 
-def make_fault(what: str, point: Sequence[float], frame: MapFrame, more: str) -> GroundFault:
-    """Make an error of what is wrong at a point of the map, and what more there is to say."""
-    fault = GroundFault(f"{what} at {locate(point, frame)}{more}")
-    fault.text, fault.at_map_m = what + more, (float(point[0]), float(point[1]))
+Located = AbLineClosed | LineShort | ObstacleOutside | RingCrosses | RowOutside
+
+
+def make_fault(bare: Located, point: Sequence[float], frame: MapFrame) -> GroundFault:
+    """Make an error of what is wrong, at a point of the map."""
+    fault = GroundFault(msgspec.structs.replace(bare, at=locate(point, frame)))
+    fault.bare, fault.at_map_m = bare, (float(point[0]), float(point[1]))
     return fault
 
 
@@ -64,9 +80,7 @@ def clean_ground(
     ground = outer.difference(taken.union(slivers)) if across else outer
     parts = sorted(list_areas(ground), key=lambda part: -part.area)
     if not parts:
-        raise MissionError(
-            f"{source_name}: the obstacles leave nothing of the field; make them smaller"
-        )
+        raise MissionError(ObstaclesEverywhere(source_name))
     holes = [area.exterior for area in inside if parts[0].contains(area)]
     left_out = _name_parts(parts[1:], source_name, frame)
     return shapely.Polygon(parts[0].exterior, [*parts[0].interiors, *holes]), left_out
@@ -95,12 +109,7 @@ def _check_inside(area: BaseGeometry, outer: BaseGeometry, name: str, frame: Map
     """Refuse an obstacle that does not even touch the field: its file is another field's."""
     if area.distance(outer) > TOUCH_M:
         place = area.representative_point().coords[0]
-        raise make_fault(
-            f"{name} lies outside the boundary",
-            place,
-            frame,
-            "; draw the boundary around it, or remove it",
-        )
+        raise make_fault(ObstacleOutside(name), place, frame)
 
 
 def _clean_ring(ring: Ring, name: str, frame: MapFrame) -> BaseGeometry:
@@ -108,15 +117,15 @@ def _clean_ring(ring: Ring, name: str, frame: MapFrame) -> BaseGeometry:
     import shapely
 
     if len(ring) < 3:
-        raise MissionError(f"{name} has {len(ring)} corners; an area needs at least 3")
+        raise MissionError(RingShort(name, len(ring)))
     polygon = shapely.Polygon(ring)
     if polygon.area == 0.0:
-        raise MissionError(f"{name} encloses no area; draw three corners or more")
+        raise MissionError(RingFlat(name))
     cleaned = clean_area(polygon)
     if cleaned is None:
         spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))
         point = (float(spot[1]), float(spot[2])) if spot else ring[0]
-        raise make_fault(f"{name} crosses itself", point, frame, "; put its corners in order")
+        raise make_fault(RingCrosses(name), point, frame)
     return cleaned
 
 

@@ -8,6 +8,7 @@ import msgspec
 
 from agribot.autonomy.plan.coverage.area import FieldArea
 from agribot.core.errors import MissionError
+from agribot.core.facts import KeptOutEverywhere
 from agribot.core.messages import MapPoint
 from agribot.gis.ground import list_areas
 
@@ -25,7 +26,7 @@ def cut_keep_out(area: FieldArea, rings_map_m: Sequence[Sequence[MapPoint]]) -> 
         return area
     parts = sorted(list_areas(outer.difference(taken)), key=lambda part: -part.area)
     if not parts:
-        raise MissionError("field.keep_out: the areas leave nothing of the field; check the map")
+        raise MissionError(KeptOutEverywhere())
     left_out = area.left_out
     if len(parts) > 1:
         more_m2 = sum(part.area for part in parts[1:])

@@ -20,6 +20,7 @@ from agribot.autonomy.plan.coverage.area import (
 )
 from agribot.autonomy.plan.coverage.plan_certificate import Certificate
 from agribot.core.errors import MissionError
+from agribot.core.facts import LegUnfit, NotPlan, PlanBroken
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
 from agribot.gis.field_file import parse_field
@@ -85,16 +86,13 @@ def read_plan(path: Path, datum: Datum | None = None) -> SavedPlan:
 def parse_plan(root: Any, source_name: str, datum: Datum | None = None) -> SavedPlan:
     header = root.get("agribot") if isinstance(root, dict) else None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise MissionError(
-            f"{source_name} is not a plan of format {FORMAT}; make one with 'agribot plan --field "
-            f"FIELD.geojson --implement-width M --out plan.geojson'"
-        )
+        raise MissionError(NotPlan(source_name, str(FORMAT)))
     try:
         request = msgspec.convert(header["request"], PlanRequest)
         datum = datum or msgspec.convert(header["datum"], Datum)
         swath_yaw_rad = math.radians(float(header["swath_yaw_deg"]))
     except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError) as error:
-        raise MissionError(f"{source_name}: 'agribot' is broken: {error}; plan it again") from error
+        raise MissionError(PlanBroken(source_name, str(error))) from error
     found = parse_features(root, source_name)
     area, _ = parse_field([f for f in found if f.kind in KINDS], source_name, datum)
     frame = MapFrame(datum)
@@ -110,11 +108,9 @@ def _read_leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
         checked_kind: LegKind = msgspec.convert(kind, LegKind)
         row = msgspec.convert(feature.properties.get("row", -1), int)
     except msgspec.ValidationError as error:
-        raise MissionError(f"{feature.where}: {error}; plan it again") from error
+        raise MissionError(PlanBroken(feature.where, str(error))) from error
     if feature.geometry != "LineString" or len(feature.parts[0]) < 2:
-        raise MissionError(
-            f"{feature.where}: a leg must be a LineString of at least 2 points; plan it again"
-        )
+        raise MissionError(LegUnfit(feature.where))
     xy = [frame.map_from_geodetic(lat, lon, frame.datum.alt_m)[:2] for lon, lat in feature.parts[0]]
     return Leg(kind=checked_kind, xy_map_m=np.array(xy), row=row)
 

@@ -12,7 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.implements.zones import ZoneMap
-from agribot.core.errors import MissionError, add_advice
+from agribot.core.errors import MissionError, has_advice
+from agribot.core.facts import (
+    Elsewhere,
+    FileBroken,
+    FileEmpty,
+    NotInDegrees,
+    RateOutside,
+    ZoneCrosses,
+    ZonesElsewhere,
+    ZonesFar,
+    ZoneShort,
+)
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
 from agribot.gis.formats.isoxml import holds_task_data
@@ -46,7 +57,7 @@ def read_prescription(name: str, data: bytes, datum: Datum, column: str = "") ->
     """
     shown = f"'{name[:80]}'"
     if not data:
-        raise MissionError(f"{shown} is empty; export it anew")
+        raise MissionError(FileEmpty(shown))
     parts: Sequence[Zone | RateGrid]
     try:
         if PurePath(name).suffix.lower() == ".zip" and holds_task_data(list_members(data)):
@@ -57,8 +68,7 @@ def read_prescription(name: str, data: bytes, datum: Datum, column: str = "") ->
         raise
     except Exception as error:  # the archive's, the XML's and the numbers' own errors
         reason = " ".join(str(error).split()) or "it is cut off"
-        fact = f"{shown} cannot be read: {reason}"
-        raise MissionError(add_advice(fact, "export it anew")) from error
+        raise MissionError(FileBroken(shown, reason, has_advice(reason))) from error
     _check_rates(parts, shown)
     return _draw(parts, MapFrame(datum), shown)
 
@@ -90,26 +100,19 @@ def _check_rates(parts: Sequence[Zone | RateGrid], shown: str) -> None:
     wrong = ~((rates >= 0.0) & (rates <= MAX_RATE_LPHA)) & ~np.isnan(rates)
     if wrong.any() or np.isnan(rates).all():
         value = rates[wrong][0] if wrong.any() else math.nan
-        raise MissionError(
-            f"{shown}: a rate of {value:g} l/ha; rates are from 0 to {MAX_RATE_LPHA:g} l/ha: check "
-            "unit and column"
-        )
+        raise MissionError(RateOutside(shown, float(value), MAX_RATE_LPHA))
 
 
 def _draw(parts: Sequence[Zone | RateGrid], frame: MapFrame, shown: str) -> ZoneMap:
     """Draw the zones on cells; where several overlap, the lowest rate counts."""
     corners = np.concatenate([_list_corners(part) for part in parts])
     if not (np.abs(corners) <= (180.0, 90.0)).all():
-        raise MissionError(
-            f"{shown}: its coordinates are not degrees of longitude and latitude, in that order; "
-            "convert it to WGS-84 (EPSG:4326)"
-        )
+        raise MissionError(NotInDegrees(shown))
     xy_m = frame.map_from_lonlat(corners)
     away_m = float(np.hypot(xy_m[:, 0], xy_m[:, 1]).max())
     if away_m > MAX_EXTENT_M:
         is_other = _is_near(frame, corners[:, ::-1])
-        hint = "longitude and latitude are exchanged" if is_other else "it is of another field"
-        raise MissionError(f"{shown}: it reaches {away_m / 1000:.0f} km from the field; {hint}")
+        raise MissionError(ZonesFar(shown, away_m, "exchanged" if is_other else "other"))
     low_m, high_m = xy_m.min(axis=0), xy_m.max(axis=0)
     side_m = np.maximum(high_m - low_m, LEAST_CELL_M)
     cell_m = max(LEAST_CELL_M, math.sqrt(float(side_m.prod()) / MAX_CELLS))
@@ -158,9 +161,7 @@ def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
     rings = [np.array([point[:2] for point in ring], dtype=float) for ring in part.rings_deg]
     fewest = min(map(len, rings))
     if fewest < _LEAST_CORNERS:
-        raise MissionError(
-            f"a zone has a ring of {fewest} corners, where an area needs 3; draw it anew"
-        )
+        raise MissionError(ZoneShort(fewest))
     first_deg = rings[0][0, 0]
     for ring in rings:
         ring[:, 0] = _unwrap_deg(ring[:, 0] - first_deg)
@@ -168,7 +169,7 @@ def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
     for area in areas:
         if not area.is_valid:
             place = _locate_fault(area, first_deg)
-            raise MissionError(f"a zone crosses itself near {place}; put its corners in order")
+            raise MissionError(ZoneCrosses(place))
     # Also holes that touch the edge, as a difference in QGIS leaves them.
     polygon = areas[0].difference(shapely.union_all(areas[1:]))
     east_deg = _unwrap_deg(places_deg[:, 0] - first_deg)
@@ -203,17 +204,13 @@ def check_covers(
         return share
     frame = MapFrame(datum)
     exchanged = frame.lonlat_from_map(places_m)[:, ::-1]
-    mirrors = {
-        "East and West are mirrored": places_m * (-1.0, 1.0),
-        "North and South are mirrored": places_m * (1.0, -1.0),
-        "longitude and latitude are exchanged": (
-            frame.map_from_lonlat(exchanged) if _is_near(frame, exchanged) else places_m
-        ),
+    mirrors: dict[Elsewhere, FloatArray] = {
+        "east_west": places_m * (-1.0, 1.0),
+        "north_south": places_m * (1.0, -1.0),
+        "exchanged": frame.map_from_lonlat(exchanged) if _is_near(frame, exchanged) else places_m,
     }
-    hint = next((what for what, at in mirrors.items() if _compute_share(zones, at) > 0.5), "")
-    raise MissionError(
-        f"{shown}: the field lies outside all of its zones; {hint or 'it is of another field'}"
-    )
+    found = (why for why, at in mirrors.items() if _compute_share(zones, at) > 0.5)
+    raise MissionError(ZonesElsewhere(shown, next(found, "other")))
 
 
 def _compute_share(zones: ZoneMap, places_m: FloatArray) -> float:

@@ -897,6 +897,7 @@ class FieldReason(msgspec.Struct, frozen=True, kw_only=True):
     """Why a field or a plan cannot be used, and where."""
 
     text: str
+    text_fact: AnyFact | UnsetType = UNSET
     at_map_m: Vec2 | None = None
 
 

@@ -11,9 +11,10 @@ import pytest
 from agribot.app.calibration import sensors
 from agribot.cli.main import main
 from agribot.core.config import RunConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import NoMagnetometer
 from agribot.core.messages import SensorBatch
 from agribot.description import loader
+from tests.finding import refused
 
 
 def test_a_robot_without_a_magnetometer_is_not_driven_for_it(
@@ -35,5 +36,5 @@ def test_a_recording_without_a_reading_names_the_magnetometer_and_not_the_circle
     tick = SimpleNamespace(batch=SensorBatch(t_s=0.1), estimate=estimate)
     monkeypatch.setattr(sensors, "read_config", lambda _: RunConfig())
     monkeypatch.setattr(sensors, "read_ticks", lambda _: [tick])
-    with pytest.raises(MissionError, match="magnetometer: no reading on the whole drive"):
+    with refused(NoMagnetometer):
         sensors.calibrate_recorded_magnetometer(Path("run.mcap"))

@@ -171,7 +171,7 @@ def test_a_battery_that_gets_low_while_the_robot_stops_for_a_goal_is_heeded_too(
 
 def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so() -> None:
     def no_way(*_: object) -> Path:
-        raise MissionError("a post stands in the way")
+        raise MissionError(Said("a post stands in the way"))
 
     one = Ride(Mission(PaperTask(plan, ROWS, home=no_way), MISSION))
     one.settle()

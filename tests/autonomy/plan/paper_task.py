@@ -13,6 +13,7 @@ from agribot.autonomy.plan.mission.saved_mission import PoseTuple
 from agribot.autonomy.plan.mission.task import Task
 from agribot.autonomy.plan.ways.curves import Place
 from agribot.core.errors import MissionError
+from agribot.core.facts import Said
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row
 
@@ -51,17 +52,17 @@ class PaperTask:
 
     def plan_around(self, path: Path, index: int, skipped: int) -> Path:
         if self.around is None:
-            raise MissionError("no way around is known")
+            raise MissionError(Said("no way around is known"))
         return self.around(path, index, skipped)
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
         if self.home is None:
-            raise MissionError("no way home is known")
+            raise MissionError(Said("no way home is known"))
         return self.home(here, home, row_ahead)
 
     def plan_to(self, here: Estimate, goal: Place) -> Path:
         if self.go_to is None:
-            raise MissionError("no way to places is known")
+            raise MissionError(Said("no way to places is known"))
         return self.go_to(here, goal)
 
     def plan_back(self, here: Estimate, place: Place) -> Path:

@@ -13,11 +13,11 @@ from agribot.autonomy.plan.ways.boustrophedon import plan_rows
 from agribot.autonomy.plan.ways.freeing import LEAST_BACK_M, SAME_PLACE_M, TRIES, Trail
 from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import JustSetOff, Stuck
 from agribot.core.geo import is_backwards
 from agribot.core.messages import Estimate, Goal, Path
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
 
@@ -165,7 +165,7 @@ def test_a_robot_that_has_only_just_set_off_has_no_ground_behind_it_that_it_know
     trail = Trail()
     trail.add(Pose2(0.0, 0.0, 0.0))
     trail.add(Pose2(LEAST_BACK_M / 2.0, 0.0, 0.0))
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         trail.plan_back(Pose2(LEAST_BACK_M / 2.0, 0.0, 0.0), 0.3)
     assert refused.value.fact == JustSetOff()
 

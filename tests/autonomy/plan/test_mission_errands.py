@@ -281,7 +281,7 @@ def test_another_plan_is_taken_by_a_standing_robot_and_begins_when_resumed() -> 
 
 def test_a_plan_that_cannot_be_read_leaves_the_mission_as_it_is() -> None:
     def refuse(_: str) -> Task:
-        raise MissionError("not a plan")
+        raise MissionError(Said("not a plan"))
 
     ride = Ride(Mission(task(), MISSION, new_tasks=PaperTasks(refuse, no_places)))
     goal = ride.settle()

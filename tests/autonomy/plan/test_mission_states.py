@@ -294,7 +294,7 @@ def test_plans_once_from_where_the_robot_stands_when_it_has_settled(path: Path) 
 
 def test_a_refused_plan_fails_the_mission_with_the_planners_words() -> None:
     def plan(_: Estimate) -> Path:
-        raise MissionError("no way to the field")
+        raise MissionError(Said("no way to the field"))
 
     goal = Ride(Mission(PaperTask(plan, ROWS), MISSION)).settle()
     assert (goal.status.state, goal.status.fact) == ("failed", Said("no way to the field"))

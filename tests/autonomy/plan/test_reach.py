@@ -11,9 +11,9 @@ from agribot.autonomy.plan.mission.job_start import plan_job
 from agribot.autonomy.plan.mission.mission import Mission
 from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import ErrandRefused, TooFarAway
 from agribot.core.messages import GoTo, MapPoint, Path, Row
-from agribot.core.refusal import MissionRefusal
 from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, at
@@ -42,7 +42,7 @@ def test_work_too_far_from_the_robot_is_refused_with_distance_and_limit(
     work: PaperTask, nearest_m: MapPoint
 ) -> None:
     here = at(nearest_m[0], nearest_m[1] - 2000.0, 0.0)
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         plan_job(work, MISSION, here)
     assert refused.value.fact == TooFarAway(2000.0, 1000.0)
 
@@ -68,13 +68,13 @@ def test_a_goal_too_far_from_the_robot_is_refused_and_planned_nowhere() -> None:
 def test_a_run_that_goes_on_far_from_its_rows_plans_nothing() -> None:
     saved, _ = cut_off()
     moved = msgspec.structs.replace(saved, planned_from=(FAR_M, 0.0, 0.0))
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         plan_job(task(), MISSION, at(*saved.pose[:2], 0.0), moved)
     assert is_like(refused.value.fact, TooFarAway(ANY, 1000.0))
 
 
 def test_the_limit_is_that_of_the_settings() -> None:
     short = msgspec.structs.replace(MISSION, max_waypoint_distance_m=1.0)
-    with pytest.raises(MissionRefusal) as refused:
+    with pytest.raises(MissionError) as refused:
         plan_job(task((), ((3.0, 0.0),)), short, at(0.0, 0.0, 0.0))
     assert refused.value.fact == TooFarAway(3.0, 1.0)

@@ -15,7 +15,7 @@ from agribot.autonomy.plan.ways.certify import certify
 from agribot.autonomy.plan.ways.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.facts import RowsSkipped
+from agribot.core.facts import RowsSkipped, Said
 from agribot.core.messages import Estimate, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, rover
@@ -120,7 +120,7 @@ def test_after_a_crash_the_same_way_around_is_taken() -> None:
 
 def test_without_a_clear_way_around_the_row_is_passed_with_the_tool_off() -> None:
     def closed(path: Path, index: int, skipped: int) -> Path:
-        raise MissionError("no way around")
+        raise MissionError(Said("no way around"))
 
     one = Ride(Mission(PaperTask(plan, ROWS, around=closed), MISSION))
     one.settle()

@@ -47,14 +47,14 @@ def ahead(estimate: Estimate, length_m: float) -> Path:
 def visiting(points: Sequence[tuple[float, float]], name: str, bounds: FieldBounds | None) -> Task:
     def plan(estimate: Estimate) -> Path:
         if points[-1][0] < estimate.x_map_m:
-            raise MissionError("behind the robot")
+            raise MissionError(Said("behind the robot"))
         return ahead(estimate, points[-1][0] - estimate.x_map_m)
 
     return PaperTask(plan, waypoints=points, name=name, bounds=bounds)
 
 
 def no_plan(text: str) -> Task:
-    raise MissionError("no plan")
+    raise MissionError(Said("no plan"))
 
 
 class Drive:
@@ -70,7 +70,7 @@ class Drive:
     ) -> None:
         def plan(estimate: Estimate) -> Path:
             if estimate.x_map_m < self.only_from_m:
-                raise MissionError("put the robot elsewhere")
+                raise MissionError(Said("put the robot elsewhere"))
             return ahead(estimate, 10.0)
 
         self.only_from_m = only_from_m

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from unittest.mock import ANY
 
 import pytest
 from hypothesis import given
@@ -8,6 +9,23 @@ from hypothesis import strategies as st
 
 from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
 from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    AtNullIsland,
+    Fact,
+    GeometryUnfit,
+    HeaderMissing,
+    JsonBroken,
+    LatitudeOutside,
+    ListMissing,
+    LongitudeOutside,
+    NotDegrees,
+    NotGeojson,
+    NotPosition,
+    NotPositions,
+    NoWaypointsIn,
+    ValuesMissing,
+)
+from tests.finding import refused
 
 lat_lon = st.tuples(st.floats(-90.0, 90.0), st.floats(-180.0, 180.0)).filter(any)
 
@@ -50,33 +68,36 @@ def test_a_spreadsheet_may_separate_by_semicolons_or_tabs_and_write_decimal_comm
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "why"),
     [
-        ("", "f line 1: expected a header"),
-        ("x,y\n1,2\n", "expected a header with 'lat' and 'lon', got 'x,y'"),
-        ("lat,lon\n", "holds no waypoints"),
-        ("lat,lon\n1,2\nfast,2\n", "f line 3: 'fast' is not a number"),
-        ('lat,lon\n"21,5",72\n', "f line 2: '21,5' is not a number of degrees; write a point"),
-        ("lat;lon\n1,000,5;2\n", "f line 2: '1,000,5' is not a number"),
-        ("lat,lon\n1,nan\n", "f line 2: 'nan' is not a number"),
-        ("lat,lon\n1\n", "f line 2: 1 values"),
-        ("lat,lon\n1,2\n0.0,0\n", "f line 3: latitude 0, longitude 0 is what devices write"),
-        ("lat,lon\n91,2\n", "f line 2: latitude 91.0 is outside"),
-        ("lat,lon\n1,181\n", "f line 2: longitude 181.0 is outside"),
-        ('{"type":\n "Point",}', "f line 2 is not valid JSON"),
-        ("[1, 2]", "expected a GeoJSON object, got list"),
-        ('{"type": "Polygon", "coordinates": []}', "geometry 'Polygon' gives no waypoints"),
-        ('{"type": "FeatureCollection"}', "needs a list 'features'"),
-        ('{"type": "LineString", "coordinates": [[1, 2], [3]]}', r"position 1: \[3\] is not"),
-        ('{"type": "LineString", "coordinates": 3}', "must be a list"),
-        ('{"type": "Point", "coordinates": [true, 2]}', "True is not a number"),
-        (f'{{"type": "Point", "coordinates": [{10**400}, 2]}}', "0 is not a number"),
-        ('{"type": "Feature", "geometry": null}', "holds no waypoints"),
-        ('{"type": "MultiPoint", "coordinates": []}', "holds no waypoints"),
+        ("", HeaderMissing("f", "")),
+        ("x,y\n1,2\n", HeaderMissing("f", "x,y")),
+        ("lat,lon\n", NoWaypointsIn("f")),
+        ("lat,lon\n1,2\nfast,2\n", NotDegrees("f line 3", "'fast'")),
+        ('lat,lon\n"21,5",72\n', NotDegrees("f line 2", "'21,5'", has_comma=True)),
+        ("lat;lon\n1,000,5;2\n", NotDegrees("f line 2", "'1,000,5'")),
+        ("lat,lon\n1,nan\n", NotDegrees("f line 2", "'nan'")),
+        ("lat,lon\n1\n", ValuesMissing("f line 2", 1, 2)),
+        ("lat,lon\n1,2\n0.0,0\n", AtNullIsland("f line 3")),
+        ("lat,lon\n91,2\n", LatitudeOutside("f line 2", 91.0)),
+        ("lat,lon\n1,181\n", LongitudeOutside("f line 2", 181.0)),
+        ('{"type":\n "Point",}', JsonBroken("f", ANY, 2)),
+        ("[1, 2]", NotGeojson("f", "list")),
+        ('{"type": "Polygon", "coordinates": []}', GeometryUnfit("f", "'Polygon'", "waypoints")),
+        ('{"type": "FeatureCollection"}', ListMissing("f", "FeatureCollection", "features")),
+        (
+            '{"type": "LineString", "coordinates": [[1, 2], [3]]}',
+            NotPosition("f position 1", "[3]"),
+        ),
+        ('{"type": "LineString", "coordinates": 3}', NotPositions("f")),
+        ('{"type": "Point", "coordinates": [true, 2]}', NotDegrees("f", "True")),
+        (f'{{"type": "Point", "coordinates": [{10**400}, 2]}}', NotDegrees("f", "1" + 79 * "0")),
+        ('{"type": "Feature", "geometry": null}', NoWaypointsIn("f")),
+        ('{"type": "MultiPoint", "coordinates": []}', NoWaypointsIn("f")),
     ],
 )
-def test_every_mistake_is_named_with_its_place(text: str, complaint: str) -> None:
-    with pytest.raises(MissionError, match=complaint):
+def test_every_mistake_is_named_with_its_place(text: str, why: Fact) -> None:
+    with refused(why):
         parse_waypoints(text, "f")
 
 

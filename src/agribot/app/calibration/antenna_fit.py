@@ -15,6 +15,7 @@ import numpy as np
 
 from agribot.app.calibration.drive_log import DriveLog, Stretch
 from agribot.core.errors import MissionError
+from agribot.core.facts import FewTurnFixes, HeadingUnfixed, WheelsStoodIn
 from agribot.core.geo import MapFrame, make_datum
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
@@ -53,10 +54,7 @@ def fit_antenna(log: DriveLog, stretches: Sequence[Stretch]) -> AntennaFit:
     start_s = stretches[0].start_s
     features, places = _circles(log, stretches, start_s)
     if len(places) < 2 * MIN_FIXES:
-        raise MissionError(
-            f"{len(places) // 2} fixes while turning in place, at least {MIN_FIXES} are needed; "
-            "turn a full circle under open sky"
-        )
+        raise MissionError(FewTurnFixes(len(places) // 2, MIN_FIXES))
     found, *_ = np.linalg.lstsq(features, places, rcond=None)
     freedom = max(len(places) - len(found), 1)
     scatter_m = math.sqrt(float(np.sum((places - features @ found) ** 2)) / freedom)
@@ -108,10 +106,7 @@ def _heading(log: DriveLog, stretches: Sequence[Stretch], start_s: float) -> tup
         (east_m, north_m), std_m = moved
         rolled_rad = log.rolled_rad(stretch.start_s, stretch.at_rest_s)[0]
         if abs(rolled_rad) < MIN_ROLLED_RAD:
-            raise MissionError(
-                f"the wheels did not turn in '{stretch.name}', and nothing else distinguishes "
-                "forwards from backwards; check the encoders and drive again"
-            )
+            raise MissionError(WheelsStoodIn(stretch.name))
         is_back = rolled_rad < 0.0
         turned_rad = log.turned_rad(start_s, (stretch.start_s + stretch.end_s) / 2.0)
         yaw_rad = math.atan2(north_m, east_m) + math.pi * is_back - turned_rad
@@ -119,5 +114,5 @@ def _heading(log: DriveLog, stretches: Sequence[Stretch], start_s: float) -> tup
         total += share * complex(math.cos(yaw_rad), math.sin(yaw_rad))
         weight += share
     if weight == 0.0:
-        raise MissionError("no straight leg with fixes at both ends: the heading is not known")
+        raise MissionError(HeadingUnfixed())
     return math.atan2(total.imag, total.real), 1.0 / math.sqrt(weight)

@@ -19,6 +19,7 @@ from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.perceive.mount_fit import Look, MountFit, fit_mount, follow
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import CameraUnproven, NoPlantFollowed
 from agribot.core.geo import rotation_from_rpy, rpy_from_rotation
 from agribot.core.messages import Scene, SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
@@ -106,10 +107,7 @@ def observe_ticks(
         if e.ok:
             track.append((e.t_s, e.x_map_m, e.y_map_m, e.yaw_map_rad, e.pos_std_m, e.yaw_std_rad))
     if len(track) < 2 or not scenes:
-        raise MissionError(
-            f"{len(scenes)} pictures and {len(track)} poses: the drive shows nothing of the "
-            "camera; drive along plants with perception.enabled and GNSS"
-        )
+        raise MissionError(CameraUnproven(len(scenes), len(track)))
     table = np.array(track)
     table[:, 3] = np.unwrap(table[:, 3])
     return CameraDrive(robot, config, sorted(scenes, key=lambda scene: scene.t_s), table)
@@ -128,9 +126,7 @@ def calibrate_camera(seen: CameraDrive, *, one_way: bool = False) -> CameraResul
     looks = drop_unsteady([Look(s.t_s, seen.pose(s.t_s), s.plants) for s in scenes])
     fit = fit_mount(looks, robot.body_from_camera())
     if fit is None or robot.camera is None:
-        raise MissionError(
-            f"no plant was followed through {len(looks)} pictures; drive along a row in daylight"
-        )
+        raise MissionError(NoPlantFollowed(len(looks)))
     yaw_std_rad = math.hypot(fit.yaw_std_rad, seen.heading_std_rad if one_way else 0.0)
     fit = msgspec.structs.replace(fit, yaw_std_rad=yaw_std_rad)
     base_from_link = robot.base_from_link(robot.camera.link)

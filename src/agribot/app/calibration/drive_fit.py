@@ -17,6 +17,7 @@ import numpy as np
 
 from agribot.app.calibration.drive_log import DriveLog, Stretch
 from agribot.core.errors import MissionError
+from agribot.core.facts import DriveUndetermined, LegStood, WheelsStoodInTurns
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, SensorBatch
 
@@ -91,10 +92,7 @@ class _Equations:
         """
         matrix, values = np.array(self._rows), np.array(self._values)
         if np.linalg.matrix_rank(matrix) < PARAMETERS:
-            raise MissionError(
-                "the drive does not determine the geometry: it needs straight legs with GNSS or "
-                "a tape, and turns in which the wheels turn"
-            )
+            raise MissionError(DriveUndetermined())
         solution = np.linalg.lstsq(matrix, values, rcond=None)[0]
         misfit = matrix @ solution - values
         excess = float(misfit @ misfit) / max(len(values) - PARAMETERS, 1)
@@ -124,7 +122,7 @@ def fit_drive(batches: Sequence[SensorBatch], stretches: Sequence[Stretch]) -> D
         equations.add((0.0, 0.0, turned_rad), seen_rad, std)
     (radius_m, gain, scale), covariance = equations.solve()
     if not gain:
-        raise MissionError("the wheels did not turn in the turns; check the encoders")
+        raise MissionError(WheelsStoodInTurns())
     to_separation = np.array([1.0 / gain, -radius_m / gain**2, 0.0])
     sigma = np.sqrt(np.diag(covariance))
     return DriveFit(
@@ -161,11 +159,7 @@ def _check_moved(
         return
     length_m, std_m = min(lengths, key=lambda known: known[1])
     if length_m <= min(std_m, STOOD_M):
-        raise MissionError(
-            f"in '{stretch.name}' the wheels turned by {rolled_rad:.1f} rad and the robot moved by "
-            f"{length_m:.2f} m, +-{std_m:.2f} m: it is jacked up, its wheels spin, or the receiver "
-            "repeats an old position; check that and drive again"
-        )
+        raise MissionError(LegStood(stretch.name, rolled_rad, length_m, std_m))
 
 
 def _course_changes(

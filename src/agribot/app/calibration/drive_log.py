@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.errors import MissionError
+from agribot.core.facts import FewSamples, Sampled
 from agribot.core.geo import MapFrame, make_datum
 from agribot.core.messages import FloatArray, GnssFix, SensorBatch
 
@@ -45,12 +46,12 @@ class DriveLog:
         imu = [sample for batch in batches for sample in batch.imu]
         fixes = [fix for batch in batches for fix in batch.gnss]
         self.fixes: list[GnssFix] = [fix for fix in fixes if not fix.unmeasured]
-        for what, samples in (("wheels", wheels), ("IMU", imu), ("stretches", stretches)):
-            if len(samples) < 2:
-                raise MissionError(
-                    f"the calibration drive has {len(samples)} samples of {what}, at least 2 "
-                    "are needed; check that the sensor is connected and drive again"
-                )
+        counts: dict[Sampled, int] = {
+            "wheels": len(wheels), "imu": len(imu), "stretches": len(stretches),
+        }  # fmt: skip
+        for what, count in counts.items():
+            if count < 2:
+                raise MissionError(FewSamples(count, what))
         self.wheel_t_s = np.array([sample.t_s for sample in wheels])
         self.wheel_rad = np.array([sample.angle_rad for sample in wheels])
         self.imu_t_s = np.array([sample.t_s for sample in imu])

@@ -13,6 +13,7 @@ from agribot.autonomy.estimate.filter.field_rows import FieldRows
 from agribot.autonomy.estimate.sensors.row_lines import MAX_HEADING_RAD
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoRowLine
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import RowLine
 
@@ -99,10 +100,7 @@ def fit_row_view(glances: Sequence[Glance], field: FieldConfig) -> RowViewFit:
             stated.append((glance.line.offset_std_m, glance.line.heading_std_rad))
             stds.append(glance.pos_std_m)
     if not errors:
-        raise MissionError(
-            f"{pictures} of {len(glances)} pictures were taken inside rows, and none shows a row "
-            "line; drive along dense rows, where plants stand less than half a metre apart"
-        )
+        raise MissionError(NoRowLine(pictures, len(glances)))
     table = np.array(errors)
     bias = np.median(table, axis=0)
     scatter = NORMAL_MAD * np.median(np.abs(table - bias), axis=0)

@@ -24,6 +24,7 @@ from agribot.autonomy.estimate.sensors.mag_fit import (
 )
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoEllipse, NoMagnetometer
 from agribot.core.messages import FloatArray, SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
 from agribot.record.replay import read_config, read_ticks
@@ -83,15 +84,9 @@ def _fit_headings(
                 fit.add(level_t, math.pi / 2.0 - declination_rad - yaw_rad)
     fitted = fit.solve()
     if not fit.count:
-        raise MissionError(
-            "magnetometer: no reading on the whole drive; connect it, or leave this calibration "
-            "out where the robot has none: its heading follows from the first metres driven"
-        )
+        raise MissionError(NoMagnetometer())
     if fitted is None:
-        raise MissionError(
-            f"{fit.count} readings in {fit.sectors} of 36 directions do not show an ellipse; turn "
-            "the robot a full circle"
-        )
+        raise MissionError(NoEllipse(fit.count, fit.sectors))
     iron, reasons = fitted.calibration, fitted.complaints()
     offset = ",".join(f"{value:.3e}" for value in iron.offset_t)
     shape = ",".join(f"{value:.4f}" for value in iron.shape)

@@ -19,7 +19,7 @@ from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.magnetometer import has_magnetometer
 from agribot.autonomy.plan.mission.errand import STANDING_MPS
 from agribot.core.config import RunConfig
-from agribot.core.errors import AgribotError
+from agribot.core.errors import AgribotError, MissionError
 from agribot.core.facts import (
     AnyFact,
     CalibrationRuns,
@@ -40,7 +40,7 @@ from agribot.core.messages import (
     TickRecord,
     Who,
 )
-from agribot.core.refusal import MissionRefusal, find_fact
+from agribot.core.refusal import find_fact
 from agribot.core.robot import RobotSpec
 
 BUSY = ("running", "waiting")  # states of a mission that sets off by itself
@@ -162,17 +162,17 @@ class Wizard:
         record, kind = self._record, self._kinds.get(name)
         if kind is None:
             known = ", ".join(self._kinds)
-            raise MissionRefusal(NoSuchCalibration(name[:40], known))
+            raise MissionError(NoSuchCalibration(name[:40], known))
         if self._phase in ("driving", "computing"):
-            raise MissionRefusal(CalibrationRuns())
+            raise MissionError(CalibrationRuns())
         if record is None:
-            raise MissionRefusal(NoTickYet())
+            raise MissionError(NoTickYet())
         if record.status.stopped_fact:
-            raise MissionRefusal(StopToClear(record.status.stopped_fact))
+            raise MissionError(StopToClear(record.status.stopped_fact))
         if record.status.state in BUSY or abs(record.estimate.v_mps) > STANDING_MPS:
-            raise MissionRefusal(RobotDrives())
+            raise MissionError(RobotDrives())
         if kind.needs_pictures and not (self._config.perception.enabled and self._robot.camera):
-            raise MissionRefusal(NothingSeen())
+            raise MissionError(NothingSeen())
         self._kind, self._found, self._reason = kind, None, ""
         self._drive, self._coverage = FigureDrive(self._robot.drive, kind.figure), Coverage()
         self._who = Who(f"calibration of {by}", AskerKind.PROGRAM)
@@ -197,7 +197,7 @@ class Wizard:
         """
         found = self._found
         if self._phase != "found" or found is None or not found.ok or not found.settings:
-            raise MissionRefusal(NoResult())
+            raise MissionError(NoResult())
         self._file.add(found.settings)
         self._note(by, f"took over {', '.join(found.settings)} into {self._file.path}")
         self._phase, self._found = "idle", None

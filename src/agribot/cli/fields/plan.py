@@ -14,6 +14,16 @@ import msgspec
 from agribot.cli.output_names import check_ending
 from agribot.core import extras
 from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    AbLineUnfit,
+    EndingUnknown,
+    FieldNeeded,
+    FilesNeeded,
+    NumbersExpected,
+    OptionLatitude,
+    OptionOutside,
+    PlanNeeded,
+)
 from agribot.core.geo import MapFrame
 from agribot.core.robot import RobotSpec
 
@@ -112,7 +122,7 @@ def _check_outputs(options: argparse.Namespace) -> None:
         extras.require("report", "--png")
         check_ending("--png", Path(options.png), "a PNG picture", ".png")
     if options.out and find_ending(Path(options.out).name) not in ("", *WRITERS):
-        raise MissionError(f"--out {options.out}: give a name that ends with {', '.join(WRITERS)}")
+        raise MissionError(EndingUnknown(f"--out {options.out}", ", ".join(WRITERS)))
 
 
 def _write_plan(path: Path, saved: SavedPlan, certificate: Certificate) -> None:
@@ -151,7 +161,7 @@ def _convert(options: argparse.Namespace) -> int:
     from agribot.record.report import write_file
 
     if options.file is None or options.out is None:
-        raise MissionError("give both files: agribot plan convert field.kml --out field.gpkg")
+        raise MissionError(FilesNeeded("agribot plan convert field.kml --out field.gpkg"))
     out = Path(options.out)
     field = read_fields(Path(options.file))
     write_file(out, write_field_file(find_ending(out.name), field))
@@ -170,7 +180,7 @@ def _teach(options: argparse.Namespace) -> int:
     from agribot.record.bag.opening import check_target
 
     if options.file is None or options.out is None:
-        raise MissionError("give both: agribot plan teach runs/by-hand --out field.geojson")
+        raise MissionError(FilesNeeded("agribot plan teach runs/by-hand --out field.geojson"))
     recording, out = Path(options.file), Path(options.out)
     check_target(find_drive(recording), out, "field")
     taught = teach_rows(recording)
@@ -202,7 +212,7 @@ def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.gis.plan_file import SavedPlan
 
     if options.field is None:
-        raise MissionError("give --field FILE, or 'verify PLAN'; see agribot plan --help")
+        raise MissionError(FieldNeeded())
     area, datum = read_field(Path(options.field), uses_ab_line=not options.ab_line)
     if options.keep_out:
         rings = read_keep_out(Path(options.keep_out), datum, with_unknown=options.keep_out_unknown)
@@ -214,10 +224,7 @@ def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
         a_lon, a_lat, b_lon, b_lat = _parse_numbers("--ab-line", options.ab_line, 4)
         points = (_place_on_map(a_lon, a_lat, frame), _place_on_map(b_lon, b_lat, frame))
         if math.dist(*points) < SHORTEST_AB_M or not all(_is_near(point) for point in points):
-            raise MissionError(
-                f"--ab-line {options.ab_line}: A and B must be two places, at least "
-                f"{SHORTEST_AB_M:g} m apart and within {FARTHEST_AB_M / 1000.0:g} km of the field"
-            )
+            raise MissionError(AbLineUnfit(options.ab_line, SHORTEST_AB_M, FARTHEST_AB_M))
         area = msgspec.structs.replace(area, ab_line=points)
     robot = load_robot(options.robot)
     request = _make_request(options, area, frame, robot)
@@ -238,7 +245,7 @@ def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.gis.plan_file import read_plan
 
     if options.file is None:
-        raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
+        raise MissionError(PlanNeeded())
     saved = read_plan(Path(options.file))
     request, robot = saved.request, load_robot(options.robot)
     shape = measure_footprint(robot, request.implement_width_m, request.tool_x_m)
@@ -266,7 +273,7 @@ def _make_request(
         ("--min-coverage", options.min_coverage, 0.0, 1.0),
     ):
         if not low <= value <= high:
-            raise MissionError(f"{name} {value:g}: must be from {low:g} to {high:g}")
+            raise MissionError(OptionOutside(name, value, low, high))
     start: MapPoint | None = None
     if options.start:
         lon_deg, lat_deg = _parse_numbers("--start", options.start, 2)
@@ -296,14 +303,13 @@ def _parse_numbers(name: str, text: str, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise MissionError(f"{name} {text}: expected {count} number{'s' * (count > 1)}"
-                           f"{', separated by commas' * (count > 1)}")  # fmt: skip
+        raise MissionError(NumbersExpected(name, text, count))
     return values
 
 
 def _place_on_map(lon_deg: float, lat_deg: float, frame: MapFrame) -> MapPoint:
     if abs(lat_deg) > 90.0:
-        raise MissionError(f"latitude {lat_deg} is outside -90 to 90 degrees; give lon,lat")
+        raise MissionError(OptionLatitude(lat_deg))
     east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, frame.datum.alt_m)
     return east_m, north_m
 

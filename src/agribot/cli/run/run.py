@@ -35,7 +35,18 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, MissionError
-from agribot.core.facts import Disarmed
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    CutOffStanding,
+    Disarmed,
+    DisarmedAlone,
+    FieldUnfit,
+    NothingToClear,
+    OptionOutside,
+    Said,
+    SentAway,
+    StillStopped,
+)
 from agribot.core.platforms import PlatformKind, find_platform, require_platform
 from agribot.drivers.line.schemes import read_sources
 
@@ -172,7 +183,7 @@ def _open_run(options: argparse.Namespace, config: RunConfig, kind: PlatformKind
         earlier = read_job(Path(options.resume), saved)
         config = continue_config(config, saved)
     elif options.clear_stop and not kind.needs_arming:
-        raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
+        raise MissionError(NothingToClear())
     out_dir = choose_out_dir(options.out, Path(config.profile).stem)
     check_free(out_dir)
     if kind.needs_arming:
@@ -200,17 +211,13 @@ def _read_cut_off(options: argparse.Namespace) -> SavedMission:
     saved = read_mission(Path(options.resume))
     if options.clear_stop or (options.arm and isinstance(saved.stop, Disarmed)):
         saved = saved.release()
-    held = saved.stopped or saved.paused
+    held = saved.stop or saved.pause
     if _has_operator(options) or not (held or saved.asks_first):
         if held:
-            clear = "clear the stop and resume it" if saved.stopped else "resume it"
-            sys.stderr.write(f"the robot stands: {held}; {clear}\n")
+            clear = "clear the stop and resume it" if saved.stop else "resume it"
+            sys.stderr.write(f"the robot stands: {render(held)}; {clear}\n")
         return saved
-    ways = "add --ui and go on from the page"
-    if not saved.asks_first:
-        ways = f"look after the robot, then {ways}, or add --clear-stop to drive on at once"
-    why = held or "its operator had sent it away from its work"
-    raise MissionError(f"the run in {options.resume} stood when it was cut off: {why}; {ways}")
+    raise MissionError(CutOffStanding(options.resume, held or SentAway(), saved.asks_first))
 
 
 def _check(options: argparse.Namespace, config: RunConfig) -> None:
@@ -238,16 +245,10 @@ def _check_arming(options: argparse.Namespace, config: RunConfig, out_dir: Path)
         return
     remembered = StopMemory(config.platform, out_dir).read()
     if remembered is not None and not options.clear_stop:
-        raise MissionError(
-            f"platform = {config.platform!r} was stopped, and the stop is not cleared since "
-            f"{remembered.since}: {remembered.stopped}; look after the robot, then add --clear-stop"
-            ", or --ui and clear it on the page"
-        )
+        cause = remembered.fact or Said(remembered.stopped)
+        raise MissionError(StillStopped(config.platform, remembered.since, cause))
     if not options.arm:
-        raise MissionError(
-            f"platform = {config.platform!r} begins disarmed without an operator to arm it; add "
-            "--ui and clear the stop on the page, or --arm when no person is near the robot"
-        )
+        raise MissionError(DisarmedAlone(config.platform))
 
 
 def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
@@ -263,13 +264,13 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
     robot = load_robot(config.robot)
     margin_m: float | None = options.margin
     if margin_m is not None and not 0.0 <= margin_m <= MOST_MARGIN_M:
-        raise MissionError(f"--margin {margin_m:g}: must be from 0 to {MOST_MARGIN_M:g}")
+        raise MissionError(OptionOutside("--margin", margin_m, 0.0, MOST_MARGIN_M))
     saved, certificate = plan_field_file(
         Path(options.field), config, robot, options.implement_width, margin_m
     )
     if not certificate.ok:
         problem = certificate.problems[0]
-        raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
+        raise MissionError(FieldUnfit(options.field, problem.rule, Said(problem.message)))
     if saved.area.left_out:
         sys.stderr.write(f"warning: {saved.area.left_out}\n")
     return format_plan(saved, certificate)

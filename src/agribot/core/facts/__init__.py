@@ -30,12 +30,17 @@ from agribot.core.facts.board import *
 from agribot.core.facts.camera import *
 from agribot.core.facts.clock import *
 from agribot.core.facts.devices import *
+from agribot.core.facts.drives import *
+from agribot.core.facts.fields import *
+from agribot.core.facts.files import *
 from agribot.core.facts.gate import *
 from agribot.core.facts.health import *
 from agribot.core.facts.mission import *
 from agribot.core.facts.position import *
 from agribot.core.facts.requests import *
 from agribot.core.facts.sensors import *
+from agribot.core.facts.starting import *
+from agribot.core.facts.ways import *
 from agribot.core.facts.wheels import *
 
 if not TYPE_CHECKING:

@@ -12,6 +12,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from agribot.core.errors import MissionError
+from agribot.core.facts import TaskDataOfOne
 from agribot.gis.formats.partfield_ground import PartfieldGround, frame_at, make_area
 from agribot.gis.formats.untrusted import encode_xml, pack, parse_xml, unpack
 from agribot.gis.geojson import Feature, Found, LonLat, close_ring, describe_left_out
@@ -183,10 +184,7 @@ def write_isoxml(features: Sequence[Feature]) -> bytes:
     outer = [f for f in features if f.kind == "boundary"]
     if len(outer) > 1:
         names = ", ".join(f"'{f.name}'" for f in outer)[:200]
-        raise MissionError(
-            f"task data is written of one field, and here are {len(outer)} fields: {names}; choose "
-            "one behind the name of the file: FILE#NAME"
-        )
+        raise MissionError(TaskDataOfOne(len(outer), names))
     name = next((f.name for f in outer if f.name), "Field")
     area_m2 = sum(_compute_area_m2(f) for f in outer)
     field = ET.SubElement(root, "PFD", A="PFD1", C=name[:32], D=str(round(area_m2)))

@@ -8,7 +8,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from agribot.core.errors import AgribotError, MissionError, add_advice
+from agribot.core.errors import AgribotError, MissionError, has_advice
+from agribot.core.facts import (
+    EndingUnknown,
+    FileBroken,
+    FileKindUnknown,
+    FileLarge,
+    FileUnreadable,
+    GeometryUnfit,
+    NothingDrawn,
+    NotPositions,
+)
 from agribot.core.geometries import split_geometry
 from agribot.core.sqlite_file import read_with_log
 from agribot.gis.field_choice import choose_field, split_choice
@@ -62,17 +72,16 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
     shown = f"'{name[:80]}'"
     reader = READERS.get(PurePath(name).suffix.lower())
     if reader is None:
-        raise MissionError(f"{shown}: files that can be read end with {', '.join(sorted(READERS))}")
+        raise MissionError(FileKindUnknown(shown, ", ".join(sorted(READERS))))
     try:
         found, parts, left_out = _read_members(reader(data), shown, is_field=is_field)
     except AgribotError:
         raise
     except Exception as error:  # each library has its own errors for broken files
         reason = " ".join(str(error).split()) or "it is empty or cut off"
-        fact = f"{shown} cannot be read: {reason}"
-        raise MissionError(add_advice(fact, "export it anew")) from error
+        raise MissionError(FileBroken(shown, reason, has_advice(reason))) from error
     if not found:
-        raise MissionError(f"{shown} holds no point, line or polygon; draw the field in it")
+        raise MissionError(NothingDrawn(shown))
     changes: Counter[str] = Counter()
     close_lines(found, changes)
     left_out.update(describe_part(part) for part in parts)
@@ -155,12 +164,10 @@ def read_fields(path: Path) -> dict[str, Any]:
 def _read_file(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
-            raise MissionError(
-                f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}; split it"
-            )
+            raise MissionError(FileLarge(path.name, path.stat().st_size, MAX_FILE_BYTES))
         return read_field_file(path.name, read_with_log(path))
     except OSError as error:
-        raise MissionError(f"cannot read {path}: {error}; check the path") from error
+        raise MissionError(FileUnreadable(str(path), str(error))) from error
 
 
 def write_field_file(suffix: str, collection: object) -> bytes:
@@ -170,7 +177,7 @@ def write_field_file(suffix: str, collection: object) -> bytes:
     """
     writer = WRITERS.get(suffix)
     if writer is None:
-        raise MissionError(f"'{suffix[:20]}': choose one of {', '.join(WRITERS)}")
+        raise MissionError(EndingUnknown(f"'{suffix[:20]}'", ", ".join(WRITERS)))
     return writer(parse_features(collection, "the field"))
 
 
@@ -187,9 +194,7 @@ def _split_multi(geometry: Geometry, where: str) -> list[Geometry]:
     for single in split_geometry(geometry):
         kind = single["type"]
         if kind not in _LEVELS:
-            raise MissionError(
-                f"{where}: geometry {kind!r} cannot be used; use one of GeoJSON's own"
-            )
+            raise MissionError(GeometryUnfit(where, repr(kind), "shapes"))
         if single["coordinates"]:
             places = _drop_heights(single["coordinates"], where, _LEVELS[kind])
             found.append({"type": kind, "coordinates": places})
@@ -203,7 +208,7 @@ def _drop_heights(coordinates: Any, where: str, levels: Sequence[str]) -> Any:
     if not coordinates:
         raise ValueError("a line or a ring has no places; draw it again, or remove it")
     if not isinstance(coordinates, list | tuple):
-        raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
+        raise MissionError(NotPositions(where))
     return [
         _drop_heights(inner, f"{where} {levels[0]} {number}", levels[1:])
         for number, inner in enumerate(coordinates)

@@ -7,9 +7,9 @@ import math
 from agribot.autonomy.plan.mission.errand import make_goal_errand
 from agribot.autonomy.plan.mission.task import Task
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import PositionLost
 from agribot.core.messages import Estimate
-from agribot.core.refusal import MissionRefusal
 from agribot.ui import wire
 from agribot.ui.view import thin_path
 
@@ -23,7 +23,7 @@ def preview_goal(
     Raises: MissionError: there is no way; the text says why.
     """
     if not estimate.ok or not math.isfinite(estimate.x_map_m + estimate.y_map_m):
-        raise MissionRefusal(PositionLost(estimate.fact))
+        raise MissionError(PositionLost(estimate.fact))
     path = make_goal_errand(task, "page", goal.place).plan_route(estimate, config).path
     length_m = float(path.s_m[-1])
     return wire.GoalPreview(

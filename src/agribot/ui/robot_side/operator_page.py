@@ -28,7 +28,7 @@ from agribot.core.messages import (
 )
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.plugins import PANELS, bind_settings, iterate_plugins
-from agribot.core.refusal import MissionRefusal, find_fact
+from agribot.core.refusal import find_fact
 from agribot.record.events import Event
 from agribot.ui import wire
 from agribot.ui.about import About, RosPlaces
@@ -268,7 +268,7 @@ class OperatorPage:
     def _preview_goal(self, goal: wire.GoTo) -> wire.GoalPreview:
         record = self._view.record
         if record is None:
-            raise MissionRefusal(NoTickYet())
+            raise MissionError(NoTickYet())
         mission = self._session.stack.mission
         config = msgspec.structs.replace(self._session.config.mission, speed_mps=mission.speed_mps)
         return preview_goal(mission.task, record.estimate, config, goal)
@@ -276,7 +276,7 @@ class OperatorPage:
     def _save_frame(self) -> wire.KeptFrame:
         shot = self._frames.newest()
         if shot is None:
-            raise MissionRefusal(NoFrameSeen())
+            raise MissionError(NoFrameSeen())
         return self._saved_frames.save(shot)
 
     def _about(self, port: int) -> About:

@@ -13,6 +13,7 @@ from starlette.responses import Response
 from agribot.core.errors import AgribotError
 from agribot.core.fact_text import render
 from agribot.core.messages import TakePlan
+from agribot.core.refusal import find_fact
 from agribot.gis.field_choice import keep_field, list_fields
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui import wire
@@ -27,7 +28,7 @@ from agribot.ui.server.answers import (
 )
 from agribot.ui.server.field_check import check_field, datum_of
 from agribot.ui.server.hub import Hub
-from agribot.ui.server.languages import language_of
+from agribot.ui.server.languages import language_of, say_in
 from agribot.ui.server.mapviz_config import config_of, displays_of
 from agribot.ui.server.off_the_loop import run_in_process
 from agribot.ui.server.planning import Made, make_plan
@@ -96,7 +97,7 @@ async def import_field(request: Request) -> Response:
         read = await run_in_process(_read_file, name, data, form, field, what="file")
         return Response(read, media_type="application/json", headers=NO_STORE)
     except AgribotError as error:
-        raise Unusable(422, str(error)) from error
+        raise Unusable(422, render(find_fact(error), language_of(request))) from error
 
 
 async def export_field(request: Request) -> Response:
@@ -106,7 +107,7 @@ async def export_field(request: Request) -> Response:
     try:
         data = await run_in_process(write_field_file, suffix, collection, what="field")
     except AgribotError as error:
-        raise Unusable(422, str(error)) from error
+        raise Unusable(422, render(find_fact(error), language_of(request))) from error
     return Response(data, media_type="application/octet-stream")
 
 
@@ -165,9 +166,10 @@ async def _plan(request: Request) -> Made:
     hub: Hub = request.app.state.hub
     wanted = await read_body(request, wire.PlanWish, 422)
     config, robot, crop = hub.about.config, hub.about.robot_spec, hub.about.field.crop_map_m
-    return await run_in_process(
+    made = await run_in_process(
         make_plan, wanted, config, robot, crop, timeout_s=PLAN_TIMEOUT_S, what="field"
     )
+    return made._replace(answer=say_in(language_of(request), made.answer))
 
 
 async def put_view(request: Request) -> Response:

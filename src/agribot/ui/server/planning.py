@@ -18,6 +18,8 @@ from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.autonomy.plan.ways.speed import find_most_mps, limit_speeds
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
@@ -48,10 +50,14 @@ def make_plan(
     try:
         return _plan(wanted, config, robot, crop)
     except GroundFault as fault:
-        reason = wire.FieldReason(text=fault.text, at_map_m=fault.at_map_m)
-        return Made(wire.PlanReply(ok=False, reasons=[reason]))
+        return _refuse(fault.bare, fault.at_map_m)
     except MissionError as error:
-        return Made(wire.PlanReply(ok=False, reasons=[wire.FieldReason(text=str(error))]))
+        return _refuse(error.fact)
+
+
+def _refuse(fact: AnyFact, at_map_m: wire.Vec2 | None = None) -> Made:
+    reason = wire.FieldReason(text=render(fact), text_fact=fact, at_map_m=at_map_m)
+    return Made(wire.PlanReply(ok=False, reasons=[reason]))
 
 
 def _plan(

@@ -22,6 +22,7 @@ from agribot.core.facts import (
     FarFromGround,
     NoRoomToFace,
     PlaceUnfit,
+    PlanLong,
     Said,
     ThereAlready,
     WayCrossesCrop,
@@ -30,7 +31,6 @@ from agribot.core.facts import (
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal
 
 STRETCH_M = 0.05  # largest deviation of the straight stretches that replace a bent working leg
 MAX_LENGTH_M = 100_000.0  # 5 million places of the path, as much memory as a small computer has
@@ -47,10 +47,7 @@ class FieldWork:
         """Take a certified plan. Raises: MissionError: it is longer than a mission can hold."""
         length_m = sum(leg.length_m for leg in plan.legs)
         if length_m > MAX_LENGTH_M:
-            raise MissionError(
-                f"the plan is {length_m / 1000:.1f} km long, more than the {MAX_LENGTH_M / 1000:g} "
-                "km that one mission drives; split the field"
-            )
+            raise MissionError(PlanLong(length_m, MAX_LENGTH_M))
         self.area, self.request = area, request
         self._shape = shape
         self.legs = plan.legs
@@ -92,7 +89,7 @@ class FieldWork:
             start = (float(row_ahead[-1, 0]), float(row_ahead[-1, 1]))
         legs += self._plan_way(start, home)
         if not legs:
-            raise MissionRefusal(AtHome())
+            raise MissionError(AtHome())
         return sample_legs(legs, [None] * len(legs))
 
     def plan_to(self, start: MapPoint, goal: Place) -> Path:
@@ -106,12 +103,12 @@ class FieldWork:
         place = (x_m, y_m)
         space = self._make_space()
         if not space.drivable.covers(shapely.Point(place)):
-            raise MissionRefusal(PlaceUnfit(x_m, y_m, self._judge_place(place)))
+            raise MissionError(PlaceUnfit(x_m, y_m, self._judge_place(place)))
         before = place
         if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
             before = Pose2(x_m, y_m, yaw_rad).transform(-RUN_IN_M, 0.0)
             if not space.drivable.covers(shapely.LineString((before, place))):
-                raise MissionRefusal(NoRoomToFace(x_m, y_m))
+                raise MissionError(NoRoomToFace(x_m, y_m))
         legs = self._plan_way(start, before)
         if before != place:
             legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
@@ -126,10 +123,10 @@ class FieldWork:
 
     def _check(self, legs: list[Leg], start: MapPoint) -> Path:
         if not legs:
-            raise MissionRefusal(ThereAlready())
+            raise MissionError(ThereAlready())
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
         if problems:
-            raise MissionRefusal(WayRefused(Said(problems[0].message)))
+            raise MissionError(WayRefused(Said(problems[0].message)))
         return sample_legs(legs, [None] * len(legs))
 
     def _judge_place(self, place: MapPoint) -> Literal["beyond", "obstacle", "crop", "edge"]:
@@ -168,13 +165,13 @@ class FieldWork:
         for place, near in zip((start, goal), inner, strict=True):
             if math.dist(place, near) > MAX_OUTSIDE_M:
                 away_m = math.dist(place, near)
-                raise MissionRefusal(FarFromGround(*place, away_m, MAX_OUTSIDE_M))
+                raise MissionError(FarFromGround(*place, away_m, MAX_OUTSIDE_M))
         corners = np.array([start, *Ways(space.region, space.drivable).way(*inner), goal])
         steps_m = np.hypot(*np.diff(corners, axis=0).T)
         way = Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])
         crushed = check_crop((way,), self.area, self._shape, self.request, start)
         if crushed:
-            raise MissionRefusal(WayCrossesCrop(Said(crushed[0].message)))
+            raise MissionError(WayCrossesCrop(Said(crushed[0].message)))
         return [way]
 
     @property

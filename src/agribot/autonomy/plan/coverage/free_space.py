@@ -11,9 +11,8 @@ import numpy as np
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
 from agribot.autonomy.plan.ways.footprint import Footprint
 from agribot.core.errors import MissionError
-from agribot.core.facts import NoHeadland
+from agribot.core.facts import NoHeadland, NoPlaceToTurn, StartOutside
 from agribot.core.messages import FloatArray, MapPoint
-from agribot.core.refusal import MissionRefusal
 
 if TYPE_CHECKING:
     import shapely
@@ -66,12 +65,8 @@ class FreeSpace:
             free = free.difference(_keep_off(holes, depth_m, OBSTACLES))
         parts = list_polygons(free if keep_out is None else free.difference(keep_out))
         if not parts:
-            raise MissionError(
-                f"the field has no place to turn: the robot with its implement needs "
-                f"{2 * depth_m:.2f} m in all directions ({2 * shape.turn_radius_m:.2f} m turning "
-                f"circle, {request.margin_m:.2f} m margin); check the boundary and the holes, or "
-                "plan for a narrower implement"
-            )
+            circle_m = 2.0 * shape.turn_radius_m
+            raise MissionError(NoPlaceToTurn(2.0 * depth_m, circle_m, request.margin_m))
         self.region = _choose(parts, request.start_map_m, depth_m)
         self.left_out = [part for part in parts if part is not self.region]
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
@@ -108,7 +103,7 @@ class FreeSpace:
 
         parts = list_polygons(self.region.difference(obstacle))
         if not parts:
-            raise MissionRefusal(NoHeadland())
+            raise MissionError(NoHeadland())
         self.region = max(parts, key=lambda part: part.area)
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)
@@ -166,10 +161,5 @@ def _choose(
     start = shapely.Point(start_map_m)
     nearest = min(parts, key=lambda part: (part.distance(start), -part.area))
     if nearest.distance(start) > TOUCH_M:
-        east_m, north_m = start_map_m
-        raise MissionError(
-            f"the start at East {east_m:.2f} m, North {north_m:.2f} m lies "
-            f"{nearest.distance(start):.2f} m outside the ground on which the robot can turn "
-            f"({depth_m:.2f} m from every edge); start further inside"
-        )
+        raise MissionError(StartOutside(*start_map_m, float(nearest.distance(start)), depth_m))
     return nearest

@@ -44,6 +44,7 @@ from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.autonomy.plan.ways.footprint import Footprint
 from agribot.core.errors import MissionError
+from agribot.core.facts import ManyObstacles, ManySwaths, OverlapWide, RowWithoutRoom
 from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.pose import Pose2
 
@@ -63,15 +64,9 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
     Raises: MissionError: the field cannot be worked with this robot, and why.
     """
     if request.spacing_m <= 0.0:
-        raise MissionError(
-            f"the overlap of {request.overlap_m:g} m leaves nothing of an implement of "
-            f"{request.implement_width_m:g} m; give a smaller overlap"
-        )
+        raise MissionError(OverlapWide(request.overlap_m, request.implement_width_m))
     if len(area.holes) > MAX_HOLES:
-        raise MissionError(
-            f"{len(area.holes)} obstacles in the field are more than the limit of {MAX_HOLES}; "
-            "draw one area around those that stand close together, or split the field"
-        )
+        raise MissionError(ManyObstacles(len(area.holes), MAX_HOLES))
     space, swath_yaw_rad, tasks = _lay_out(area, shape, request)
     ways = Ways(space.region, space.drivable)
     working = order_tasks(tasks, request.start_map_m, ways.way)
@@ -171,10 +166,7 @@ def _make_area_tasks(
     spacing_m = request.spacing_m
     swaths = lay_swaths(work, inner, swath_yaw_rad, spacing_m, anchor_m)
     if len(swaths) > MAX_SWATHS:
-        raise MissionError(
-            f"{len(swaths)} swaths are more than the limit of {MAX_SWATHS}; "
-            "split the field or use a wider implement"
-        )
+        raise MissionError(ManySwaths(len(swaths), MAX_SWATHS))
     tool_x_m = request.tool_x_m
     swaths = add_room(swaths, space.drivable, swath_yaw_rad, abs(tool_x_m))
     found = [make_cell_task(cell, swath_yaw_rad, tool_x_m) for cell in group_cells(swaths)]
@@ -216,11 +208,8 @@ def _make_row_tasks(
         outside = line.difference(space.drivable)
         if not outside.is_empty:
             place = outside.representative_point()
-            raise MissionError(
-                f"row {number + 1} with the {clear_m + BEYOND_ROW_M:.2f} m or more needed to turn "
-                f"behind its ends leaves the ground on which the robot may drive at East "
-                f"{place.x:.2f} m, North {place.y:.2f} m; shorten the row or widen the headland"
-            )
+            room_m = clear_m + BEYOND_ROW_M
+            raise MissionError(RowWithoutRoom(number + 1, room_m, place.x, place.y))
     space.remove(strips)
     first = area.rows[0]
     return yaw_rad(first[0], first[-1]), tasks

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agribot.core.errors import MissionError
+from agribot.core.facts import RowsTight
 from agribot.core.messages import MapPoint
 
 SLACK_M = 1e-3
@@ -44,11 +45,8 @@ def check_row_room(
         )
         if gap_m < needed_m - SLACK_M:
             apart_m, track_m = lines[row].distance(lines[other]), sides_m[-1] - sides_m[0]
+            left_m = max(0.0, gap_m - wheel_width_m / 2.0)
             raise MissionError(
-                f"rows {row + 1} and {other + 1} are {apart_m:.2f} m apart, which is no room for "
-                f"{machine}: its wheels are {track_m:.2f} m apart and {wheel_width_m:.2f} m wide, "
-                f"and come within {max(0.0, gap_m - wheel_width_m / 2.0):.2f} m of row "
-                f"{other + 1} while it straddles row {row + 1}, where {clearance_m:.2f} m are "
-                f"needed; rows have to be {reach_m:.2f} m apart or more, or take a robot with "
-                "another track"
-            )
+                RowsTight(row + 1, other + 1, machine, apart_m, track_m, wheel_width_m, left_m,
+                          clearance_m, reach_m)
+            )  # fmt: skip

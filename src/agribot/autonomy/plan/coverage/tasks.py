@@ -13,6 +13,7 @@ from agribot.autonomy.plan.coverage.area import Leg, LegKind, MapLine
 from agribot.autonomy.plan.coverage.swaths import Swath, find_drive, rotate
 from agribot.autonomy.plan.coverage.turns import BendRadii, smooth
 from agribot.core.errors import MissionError
+from agribot.core.facts import RowSharp
 from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
@@ -81,11 +82,8 @@ def make_row_task(
     ends = [_extend(before, end, measure_beyond_m(before, end)) for before, end in last]
     pieces = smooth(np.concatenate([[ends[0]], xy, [ends[1]]]), is_closed=False)
     if len(pieces) != 1:
-        east_m, north_m = pieces[0][-1]
-        raise MissionError(
-            f"row {number + 1} bends too sharply to be followed at East {east_m:.2f} m, "
-            f"North {north_m:.2f} m; draw it with more points"
-        )
+        east_m, north_m = pieces[0][-1].tolist()
+        raise MissionError(RowSharp(number + 1, east_m, north_m))
     return "row", [[pieces[0]], [pieces[0][::-1]]]
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoWayInside
 from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
@@ -53,10 +54,7 @@ class Ways:
             return [start, end]
         found = self._find_way(inner_start, inner_end)
         if found is None:
-            raise MissionError(
-                f"no way from East {start[0]:.2f} m, North {start[1]:.2f} m to East "
-                f"{end[0]:.2f} m, North {end[1]:.2f} m keeps the robot inside the field"
-            )
+            raise MissionError(NoWayInside(*start, *end))
         return [start, *found, end]
 
     def _inside(self, place: MapPoint) -> MapPoint:

@@ -17,10 +17,10 @@ from agribot.autonomy.plan.ways.curves import Place, make_path
 from agribot.autonomy.plan.ways.freeing import Trail
 from agribot.autonomy.plan.ways.reach import check_reach
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import GoalNotFinite, NothingPlanned, OwnPathOnly, ThereAlready
 from agribot.core.messages import Estimate, MapPoint, Path
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal
 
 STANDING_MPS = 0.02
 # Shown as who asked for an errand for which no person did.
@@ -73,7 +73,7 @@ def make_home_errand(
     Raises: MissionError: nothing was planned yet, or a task that knows no ways.
     """
     if job is None:
-        raise MissionRefusal(NothingPlanned())
+        raise MissionError(NothingPlanned())
     _check_ways(task)
     ahead = job.route.row_ahead if task.has_crop else job.route.path.xy_map_m[:0]
     home = job.planned_from
@@ -86,7 +86,7 @@ def make_goal_errand(task: Task, asked_by: str, numbers: tuple[float, ...]) -> E
     Raises: MissionError: no place, or a task that knows no ways.
     """
     if len(numbers) not in (2, 3) or not all(math.isfinite(number) for number in numbers):
-        raise MissionRefusal(GoalNotFinite())
+        raise MissionError(GoalNotFinite())
     goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
     _check_ways(task)
     return Errand(
@@ -100,7 +100,7 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
     Raises: MissionError: nothing was planned yet, or a task that knows no ways.
     """
     if job is None:
-        raise MissionRefusal(NothingPlanned())
+        raise MissionError(NothingPlanned())
     _check_ways(task)
     place = job.place_to_go_on
     return Errand(ErrandKind.WORK, MISSION, lambda here: task.plan_back(here, place), (), place[:2])
@@ -130,7 +130,7 @@ def _plan_back_out(route: Route, place: MapPoint, s_m: float) -> Path:
     path, last = route.path, route.progress.index
     first = int(np.searchsorted(path.s_m, s_m))
     if last - first < 2:
-        raise MissionRefusal(ThereAlready())
+        raise MissionError(ThereAlready())
     way = slice(first, last + 1)
     table = np.zeros((last + 1 - first, 6))
     aside = np.array(place) - path.xy_map_m[last]
@@ -158,4 +158,4 @@ def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Er
 
 def _check_ways(task: Task) -> None:
     if not task.has_ways:
-        raise MissionRefusal(OwnPathOnly())
+        raise MissionError(OwnPathOnly())

@@ -18,9 +18,9 @@ from agribot.autonomy.plan.mission.task import Task
 from agribot.autonomy.plan.ways.reach import check_reach
 from agribot.autonomy.plan.ways.rows import list_row_ends
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import AllRowsWorked
 from agribot.core.messages import Estimate, MapPoint, MissionState
-from agribot.core.refusal import MissionRefusal
 
 
 def plan_job(
@@ -68,7 +68,7 @@ def _plan_rest(
     done = covered.complete
     left = [row.index for row in task.rows if row.index not in done + skipped]
     if not left:
-        raise MissionRefusal(AllRowsWorked())
+        raise MissionError(AllRowsWorked())
     path = task.plan_rest(estimate, left)
     job = MissionJob(task, config, path, take_pose(estimate), covered)
     job.leave_out(done, skipped)

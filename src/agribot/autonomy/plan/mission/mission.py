@@ -109,7 +109,7 @@ from agribot.core.messages import (
     TakePlan,
     Visit,
 )
-from agribot.core.refusal import MissionRefusal, find_fact
+from agribot.core.refusal import find_fact
 
 SETTLE_S = 1.0  # time for which the estimate must hold before the robot moves
 END_TOLERANCE_M = 0.01
@@ -786,7 +786,7 @@ class Mission:
 def _read_places(visit: Visit) -> tuple[MapPoint, ...]:
     """Return the places of a visit. Raises: MissionError: it names none."""
     if not visit.places_map_m:
-        raise MissionRefusal(NoPlaces())
+        raise MissionError(NoPlaces())
     return visit.places_map_m
 
 

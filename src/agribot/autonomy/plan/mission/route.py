@@ -12,9 +12,9 @@ from agribot.autonomy.plan.mission.visits import Visits
 from agribot.autonomy.plan.ways.speed import plan_speed_mps, time_left_s
 from agribot.core.arithmetic import view_floats
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import RowsUnknown
 from agribot.core.messages import FloatArray, Path
-from agribot.core.refusal import MissionRefusal
 
 # The tool works up to this far past the last plant, and the robot is careful as far from it.
 TOOL_REACH_M = 0.6
@@ -56,7 +56,7 @@ class Route:
         self.planned_rows = sorted(set(self.row) - {-1})
         unknown = sorted(set(self.planned_rows) - set(known_rows))
         if unknown:
-            raise MissionRefusal(RowsUnknown(tuple(unknown)))
+            raise MissionError(RowsUnknown(tuple(unknown)))
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
         self.progress = PathProgress(path)
         self.change_speed(config)

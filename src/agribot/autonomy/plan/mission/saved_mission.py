@@ -12,9 +12,8 @@ from agribot.autonomy.plan.mission.covered import WorkedStretch
 from agribot.autonomy.plan.mission.errand_kind import ErrandKind
 from agribot.autonomy.plan.mission.row_log import RowResult
 from agribot.core.errors import MissionError
-from agribot.core.facts import AnyFact, CarriedAway, Said
+from agribot.core.facts import AnyFact, CarriedAway, OtherMission, Said
 from agribot.core.messages import Estimate, MissionState, Path
-from agribot.core.refusal import MissionRefusal
 
 PoseTuple = tuple[float, float, float]
 LENGTH_TOLERANCE_M = 0.01
@@ -106,11 +105,7 @@ def check_same_task(saved: SavedMission, task: str, length_m: float) -> None:
     Raises: MissionError: the settings or the plan were changed since.
     """
     if saved.task != task or abs(saved.length_m - length_m) > LENGTH_TOLERANCE_M:
-        raise MissionError(
-            f"the saved mission is another one: its path is {saved.length_m:.1f} m long, the path "
-            f"of the present settings {length_m:.1f} m; resume with the settings, the plan and the "
-            "robot of the saved run, or start anew"
-        )
+        raise MissionError(OtherMission(saved.length_m, length_m))
 
 
 def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit_m: float) -> None:
@@ -121,4 +116,4 @@ def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit
     away_m = math.dist((estimate.x_map_m, estimate.y_map_m), place)
     allowed_m = limit_m + 2.0 * estimate.pos_std_m
     if not away_m <= allowed_m:
-        raise MissionRefusal(CarriedAway(away_m, *place, allowed_m))
+        raise MissionError(CarriedAway(away_m, *place, allowed_m))

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from agribot.core.errors import MissionError
 from agribot.core.facts import WaypointPassed
 from agribot.core.messages import Path
-from agribot.core.refusal import MissionRefusal
 
 
 class Visits:
@@ -59,7 +59,7 @@ def _find_places(
         away_m = np.hypot(*(path.xy_map_m[first:] - np.array(point)).T)
         inside = away_m <= radius_m
         if not inside.any():
-            raise MissionRefusal(WaypointPassed(number + 1, float(away_m.min()), radius_m))
+            raise MissionError(WaypointPassed(number + 1, float(away_m.min()), radius_m))
         enter = int(np.argmax(inside))
         stay = int(np.argmin(inside[enter:])) or len(inside) - enter
         first += enter + int(np.argmin(away_m[enter : enter + stay]))

@@ -15,6 +15,7 @@ from agribot.autonomy.plan.ways.rows import list_row_ends
 from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import RowsAsFound
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
@@ -51,7 +52,7 @@ class ExploreTask:
         return self.plan(here)
 
     def plan_around(self, path: Path, index: int, skipped: int) -> Path:
-        raise MissionError("exploration drives rows in the order of discovery")
+        raise MissionError(RowsAsFound())
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
         mission = self._config.mission

@@ -11,6 +11,7 @@ from agribot.autonomy.plan.mission.route import Tool
 from agribot.autonomy.plan.mission.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.ways.curves import Place
 from agribot.core.errors import MissionError
+from agribot.core.facts import RowsAsPlanned
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
 from agribot.core.robot import DriveSpec
 
@@ -44,7 +45,7 @@ class FieldTask:
         return self.plan(here)
 
     def plan_around(self, path: Path, index: int, skipped: int) -> Path:
-        raise MissionError("the rows of a field plan are driven in its order")
+        raise MissionError(RowsAsPlanned())
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
         return self.work.plan_home(take_pose(here)[:2], home[:2], row_ahead)

@@ -11,10 +11,10 @@ from agribot.autonomy.plan.tasks.surroundings import Surroundings
 from agribot.autonomy.plan.ways.curves import Place
 from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import VisitPathOnly
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row
-from agribot.core.refusal import MissionRefusal
 from agribot.core.robot import RobotSpec
 
 
@@ -62,5 +62,5 @@ class VisitTask:
     def plan_back(self, here: Estimate, place: Place) -> Path:
         raise self._refuse()
 
-    def _refuse(self) -> MissionRefusal:
-        return MissionRefusal(VisitPathOnly(self.name))
+    def _refuse(self) -> MissionError:
+        return MissionError(VisitPathOnly(self.name))

@@ -12,6 +12,7 @@ from agribot.autonomy.plan.ways.curves import Place
 from agribot.autonomy.plan.ways.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoRowsThere
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row
 from agribot.core.robot import RobotSpec
 
@@ -41,7 +42,7 @@ class WaypointTask:
         return self.plan(here)
 
     def plan_around(self, path: Path, index: int, skipped: int) -> Path:
-        raise MissionError("there are no rows to leave out of a way through waypoints")
+        raise MissionError(NoRowsThere())
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
         return self._plan_through((home[:2],), here)

@@ -13,10 +13,10 @@ from agribot.autonomy.plan.ways.curves import Segment, advance, length_m, sample
 from agribot.autonomy.plan.ways.dubins import list_words
 from agribot.autonomy.plan.ways.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import NoClearWay
 from agribot.core.messages import Row
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import (
     chord_yaw_rad,
@@ -60,7 +60,7 @@ def plan_approach(
         if closest.clearance_m >= mission.plant_clearance_m and obstacles.are_clear_of(path):
             return index, route
     beside_m = None if obstacles.are_none else obstacles.clearance_m
-    raise MissionRefusal(NoClearWay(*start.xy_m, mission.plant_clearance_m, beside_m))
+    raise MissionError(NoClearWay(*start.xy_m, mission.plant_clearance_m, beside_m))
 
 
 def _list_ways(

@@ -14,6 +14,7 @@ from agribot.autonomy.plan.ways.dubins import find_shortest
 from agribot.autonomy.plan.ways.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoRows, RowShort
 from agribot.core.messages import Path, Row
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
@@ -49,10 +50,10 @@ def plan_rows(
     Raises: MissionError: no rows, a row without length, or no clear way from the start.
     """
     if not rows:
-        raise MissionError("the field has no rows; set field.row_count to 1 or more")
+        raise MissionError(NoRows())
     for row in rows:
         if math.dist(row.start_map_m, row.end_map_m) < MIN_RADIUS_M:
-            raise MissionError(f"row {row.index} is shorter than {MIN_RADIUS_M} m; check the field")
+            raise MissionError(RowShort(row.index, MIN_RADIUS_M))
     start = Pose2(*start_pose)
     ways_in = [
         way

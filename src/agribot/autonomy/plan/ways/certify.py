@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from agribot.autonomy.plan.ways.curves import MIN_RADIUS_M
 from agribot.core.errors import MissionError
+from agribot.core.facts import OverCrop, PathBroken, PathNotFinite, PathRule, PathShort, PathTight
 from agribot.core.messages import FloatArray, Path, Row
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import row_points_map_m
 
 MAX_SPACING_M = 0.05
+STEP_TOLERANCE_M = 2e-3  # tolerance of a step's length and direction
 REACH_M = 2.0  # crop farther from a wheel than this cannot matter
 _CHUNK = 256
 
@@ -49,12 +52,16 @@ def certify(
     closest = find_closest_to_crop(path, robot, rows, plants_xy)
     if closest.clearance_m >= clearance_m:
         return
-    what = f"row {rows[closest.crop].index}" if plants_xy is None else f"plant {closest.crop}"
-    gap = "drives over" if closest.clearance_m < 0.0 else "comes too close to"
+    is_row = plants_xy is None
     raise MissionError(
-        f"{closest.wheel} {gap} {what} at {_name_place(path, closest.point)}: clearance "
-        f"{closest.clearance_m:.2f} m, needed {clearance_m:.2f} m; check the field's rows, the "
-        "headland and mission.plant_clearance_m"
+        OverCrop(
+            closest.wheel,
+            "row" if is_row else "plant",
+            rows[closest.crop].index if is_row else closest.crop,
+            *_find_place(path, closest.point),
+            closest.clearance_m,
+            clearance_m,
+        )
     )
 
 
@@ -107,18 +114,19 @@ def _measure_distances_m(points: FloatArray, starts: FloatArray, ends: FloatArra
     return np.asarray(np.hypot(gap[:, :, 0], gap[:, :, 1]))
 
 
-def _name_place(path: Path, point: int) -> str:
-    east_m, north_m = path.xy_map_m[point]
-    return f"East {east_m:.2f} m, North {north_m:.2f} m ({path.s_m[point]:.1f} m along the path)"
+def _find_place(path: Path, point: int) -> tuple[float, float, float]:
+    """Find a point in the map, and how far along the path it is."""
+    east_m, north_m = path.xy_map_m[point].tolist()
+    return east_m, north_m, float(path.s_m[point])
 
 
 def _check_finite(path: Path) -> None:
     columns = (*path.xy_map_m.T, path.yaw_map_rad, path.curvature_radpm, path.s_m)
     bad = ~np.all(np.isfinite(np.stack(columns)), axis=0)
     if len(bad) < 2:
-        raise MissionError(f"the path has {len(bad)} points; it needs at least 2")
+        raise MissionError(PathShort(len(bad)))
     if bad.any():
-        raise MissionError(f"point {int(np.argmax(bad))} of the path is not finite; plan it again")
+        raise MissionError(PathNotFinite(int(np.argmax(bad))))
 
 
 def _check_steps(path: Path) -> None:
@@ -129,14 +137,17 @@ def _check_steps(path: Path) -> None:
     middle_rad = path.yaw_map_rad[:-1] + np.diff(np.unwrap(path.yaw_map_rad)) / 2.0
     sideways_m = step[:, 1] * np.cos(middle_rad) - step[:, 0] * np.sin(middle_rad)
     forward_m = step[:, 0] * np.cos(middle_rad) + step[:, 1] * np.sin(middle_rad)
-    rules = (
-        (step_m > MAX_SPACING_M, f"jumps by more than {MAX_SPACING_M} m"),
-        ((counted_m <= 0.0) | (np.abs(counted_m - step_m) > 2e-3), "miscounts its distance"),
-        ((np.abs(sideways_m) > 2e-3) | (forward_m < 0.0), "points another way than it leads"),
-    )
-    for broken, what in rules:
-        if broken.any():
-            raise MissionError(f"the path {what} at {_name_place(path, int(np.argmax(broken)))}")
+    is_miscounted = (counted_m <= 0.0) | (np.abs(counted_m - step_m) > STEP_TOLERANCE_M)
+    is_turned = (np.abs(sideways_m) > STEP_TOLERANCE_M) | (forward_m < 0.0)
+    _refuse_at(path, step_m > MAX_SPACING_M, "spacing", MAX_SPACING_M)
+    _refuse_at(path, is_miscounted, "distance", STEP_TOLERANCE_M)
+    _refuse_at(path, is_turned, "heading", STEP_TOLERANCE_M)
+
+
+def _refuse_at(path: Path, broken: npt.NDArray[np.bool_], rule: PathRule, limit_m: float) -> None:
+    if broken.any():
+        place = _find_place(path, int(np.argmax(broken)))
+        raise MissionError(PathBroken(rule, limit_m, *place))
 
 
 def _check_curvature(path: Path) -> None:
@@ -146,7 +157,4 @@ def _check_curvature(path: Path) -> None:
     tight = np.abs(path.curvature_radpm) > limit_radpm
     tight[:-1] |= turned_rad > limit_radpm * np.diff(path.s_m) + 1e-6
     if tight.any():
-        raise MissionError(
-            f"the path turns tighter than {MIN_RADIUS_M} m at "
-            f"{_name_place(path, int(np.argmax(tight)))}"
-        )
+        raise MissionError(PathTight(MIN_RADIUS_M, *_find_place(path, int(np.argmax(tight)))))

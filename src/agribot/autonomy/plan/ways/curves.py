@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.core.errors import MissionError
+from agribot.core.facts import PathWithoutLength
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, Path
 from agribot.core.pose import Pose2
@@ -71,7 +72,7 @@ def sample(start: Pose2, segments: Iterable[Segment]) -> Path:
         blocks.append(_sample_segment(pose, segment, along_m, done_m))
         pose, done_m, last = segment.end(pose), done_m + segment.length_m, segment
     if not blocks:
-        raise MissionError("the path has no length: start and goal are the same place")
+        raise MissionError(PathWithoutLength())
     blocks.append(_sample_segment(pose, last, np.zeros(1), done_m))
     table = np.concatenate(blocks)
     return make_path(table)

@@ -14,11 +14,11 @@ import numpy as np
 
 from agribot.autonomy.plan.ways.curves import Segment, sample
 from agribot.core.arithmetic import clamp
+from agribot.core.errors import MissionError
 from agribot.core.facts import JustSetOff
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, Path
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal
 
 
 class Try(NamedTuple):
@@ -72,7 +72,7 @@ class Trail:
         )
         came_m = min(math.dist(here.xy_m, then.xy_m), back_m)
         if came_m < LEAST_BACK_M:
-            raise MissionRefusal(JustSetOff())
+            raise MissionError(JustSetOff())
         bend_radpm = wrap_rad(here.yaw_rad - then.yaw_rad) / came_m
         bend_radpm = clamp(bend_radpm, -MAX_CURVATURE_RADPM, MAX_CURVATURE_RADPM)
         course = Pose2(here.x_m, here.y_m, here.yaw_rad + math.pi)

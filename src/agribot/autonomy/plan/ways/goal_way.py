@@ -16,7 +16,7 @@ from agribot.core.errors import MissionError
 from agribot.core.facts import BeyondFence, NoWayOffCrop, OnCropThere, ThereAlready
 from agribot.core.messages import MapPoint, Path, Row
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal, find_fact
+from agribot.core.refusal import find_fact
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import chord_yaw_rad, row_points_map_m
 
@@ -42,7 +42,7 @@ def plan_to_place(
     x_m, y_m, yaw_rad = goal
     check_inside(x_m, y_m, fence)
     if math.dist(start_pose[:2], (x_m, y_m)) < SPACING_M:
-        raise MissionRefusal(ThereAlready())
+        raise MissionError(ThereAlready())
     start = Pose2(*start_pose)
     if not rows:
         if yaw_rad is None:
@@ -54,7 +54,7 @@ def plan_to_place(
         if _measure_clearance_m(pose, rows, robot) >= mission.plant_clearance_m
     ]  # fmt: skip
     if not free:
-        raise MissionRefusal(OnCropThere(x_m, y_m))
+        raise MissionError(OnCropThere(x_m, y_m))
     straights_m = [_measure_way_out_m(pose, rows) for pose in free]
     entries = [advance(pose, -back_m) for pose, back_m in zip(free, straights_m, strict=True)]
     try:
@@ -63,7 +63,7 @@ def plan_to_place(
         certify(path, rows, robot, mission.plant_clearance_m)
         obstacles.check(path)
     except MissionError as error:
-        raise MissionRefusal(NoWayOffCrop(x_m, y_m, find_fact(error))) from error
+        raise MissionError(NoWayOffCrop(x_m, y_m, find_fact(error))) from error
     return path
 
 
@@ -77,7 +77,7 @@ def check_inside(x_m: float, y_m: float, fence: FenceBox) -> None:
     x_min_m, y_min_m, x_max_m, y_max_m = fence
     beyond_m = max(x_min_m - x_m, x_m - x_max_m, y_min_m - y_m, y_m - y_max_m)
     if beyond_m > 0.0:
-        raise MissionRefusal(BeyondFence(x_m, y_m, beyond_m))
+        raise MissionError(BeyondFence(x_m, y_m, beyond_m))
 
 
 def _list_headings_rad(start: Pose2, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:

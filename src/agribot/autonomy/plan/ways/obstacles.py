@@ -11,6 +11,7 @@ import numpy as np
 from agribot.autonomy.plan.ways.footprint import Footprint, measure_footprint
 from agribot.autonomy.plan.ways.keep_out import KeepOut
 from agribot.core.errors import MissionError
+from agribot.core.facts import NearKeptOut, NearObstacle
 from agribot.core.keep_out import BodyBox
 from agribot.core.messages import FloatArray, MapPoint, Path
 from agribot.core.robot import RobotSpec
@@ -48,11 +49,11 @@ class Obstacles(NamedTuple):
             return
         circle, (east_m, north_m) = self.circles[index], path.xy_map_m[point]
         raise MissionError(
-            f"at East {east_m:.2f} m, North {north_m:.2f} m the robot is {max(away_m, 0.0):.2f} m "
-            f"from the obstacle at East {circle.x_m:.2f} m, North {circle.y_m:.2f} m; needed "
-            f"{self.clearance_m:.2f} m; check field.obstacles_map_m, the start and "
-            "mission.obstacle_clearance_m"
-        )
+            NearObstacle(
+                float(east_m), float(north_m), max(away_m, 0.0), circle.x_m, circle.y_m,
+                self.clearance_m,
+            )
+        )  # fmt: skip
 
     def rings(self) -> list[list[tuple[float, float]]]:
         """List the corners of a square around each, counter-clockwise, that the robot can drive."""
@@ -70,13 +71,8 @@ class Obstacles(NamedTuple):
         found = self._find_area(path)
         if found is None:
             return
-        (east_m, north_m), away_m, place = found
-        raise MissionError(
-            f"at East {east_m:.2f} m, North {north_m:.2f} m the robot is {away_m:.2f} m from the "
-            f"area to keep out of near East {place[0]:.2f} m, North {place[1]:.2f} m; needed "
-            f"{self.clearance_m:.2f} m; check field.keep_out, the rows, the start and "
-            "mission.obstacle_clearance_m"
-        )
+        point, away_m, place = found
+        raise MissionError(NearKeptOut(*point, away_m, *place, self.clearance_m))
 
     def _find_area(self, path: Path) -> tuple[MapPoint, float, MapPoint] | None:
         """Find the first place too near to an area, the distance, and a place of that area."""

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import TooFarAway
 from agribot.core.messages import MapPoint
-from agribot.core.refusal import MissionRefusal
 
 
 def check_reach(
@@ -23,4 +23,4 @@ def check_reach(
     away_m = min(math.dist(here_map_m, place) for place in places_map_m)
     limit_m = config.max_waypoint_distance_m
     if not away_m <= limit_m:
-        raise MissionRefusal(TooFarAway(away_m, limit_m))
+        raise MissionError(TooFarAway(away_m, limit_m))

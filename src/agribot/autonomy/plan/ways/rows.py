@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import RowsBent
 from agribot.core.messages import MapPoint, Row
 
 SHORTEST_ARC_RATIO = 0.1  # least length of an inner row against the first one
@@ -55,8 +56,4 @@ def _check_bend(field: FieldConfig) -> None:
     turn_rad = abs(bend_radpm) * field.row_length_m
     narrowest = 1.0 + bend_radpm * (field.row_count - 1) * field.row_pitch_m
     if turn_rad >= math.pi or narrowest < SHORTEST_ARC_RATIO:
-        raise MissionError(
-            f"field.row_curvature_radpm {bend_radpm:g} bends the rows by "
-            f"{math.degrees(turn_rad):.0f} degrees, and the last one to {narrowest:.2f} of the "
-            f"first one's length; below 180 degrees and above {SHORTEST_ARC_RATIO:g} can be driven"
-        )
+        raise MissionError(RowsBent(bend_radpm, turn_rad, narrowest, SHORTEST_ARC_RATIO))

@@ -9,8 +9,26 @@ from collections.abc import Iterator
 from typing import Any
 
 from agribot.core.errors import MissionError
-from agribot.core.geo import NOWHERE, is_nowhere
+from agribot.core.facts import (
+    AtNullIsland,
+    CsvBroken,
+    GeometryUnfit,
+    HeaderMissing,
+    JsonBroken,
+    LatitudeOutside,
+    ListMissing,
+    LongitudeOutside,
+    ManyWaypoints,
+    NotDegrees,
+    NotGeojson,
+    NotPosition,
+    NotPositions,
+    NoWaypointsIn,
+    ValuesMissing,
+)
+from agribot.core.geo import is_nowhere
 from agribot.core.geometries import split_geometry
+from agribot.core.json_number import quote_value
 from agribot.core.table_text import find_separator, names_separator, read_decimal
 
 LatLon = tuple[float, float]
@@ -34,25 +52,22 @@ def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
         for point, where in read(text, source_name):
             found.append(_check(point, where))
             if len(found) > MAX_WAYPOINTS:
-                raise MissionError(
-                    f"{source_name} holds more than {MAX_WAYPOINTS} waypoints; the path through "
-                    "them is planned at once: give fewer, or several files one after the other"
-                )
+                raise MissionError(ManyWaypoints(source_name, MAX_WAYPOINTS))
     except csv.Error as error:
-        raise MissionError(f"{source_name} is not valid CSV: {error}; export it anew") from error
+        raise MissionError(CsvBroken(source_name, str(error))) from error
     if not found:
-        raise MissionError(f"{source_name} holds no waypoints; give at least one")
+        raise MissionError(NoWaypointsIn(source_name))
     return tuple(found)
 
 
 def _check(point: tuple[object, object], where: str) -> LatLon:
     lat_deg, lon_deg = (_read_number(value, where) for value in point)
     if not abs(lat_deg) <= 90.0:
-        raise MissionError(f"{where}: latitude {lat_deg} is outside -90 to 90 degrees")
+        raise MissionError(LatitudeOutside(where, lat_deg))
     if not abs(lon_deg) <= 180.0:
-        raise MissionError(f"{where}: longitude {lon_deg} is outside -180 to 180 degrees")
+        raise MissionError(LongitudeOutside(where, lon_deg))
     if is_nowhere(lat_deg, lon_deg):
-        raise MissionError(f"{where}: {NOWHERE}")
+        raise MissionError(AtNullIsland(where))
     return lat_deg, lon_deg
 
 
@@ -64,7 +79,7 @@ def _read_number(value: object, where: str) -> float:
             number = math.nan
         if math.isfinite(number):
             return number
-    raise MissionError(f"{where}: {value!r} is not a number of degrees; write one such as 21.1613")
+    raise MissionError(NotDegrees(where, quote_value(value)))
 
 
 def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
@@ -79,19 +94,13 @@ def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, objec
     ]
     lat_column, lon_column = columns
     if lat_column is None or lon_column is None:
-        raise MissionError(
-            f"{source_name} line 1: expected a header with 'lat' and 'lon', got "
-            f"'{separator.join(header)}'; write CSV like 'lat,lon' or GeoJSON"
-        )
+        raise MissionError(HeaderMissing(source_name, separator.join(header)))
     for fields in reader:
         where = f"{source_name} line {reader.line_num + skipped}"
         if not any(field.strip() for field in fields):
             continue
         if len(fields) <= max(lat_column, lon_column):
-            raise MissionError(
-                f"{where}: {len(fields)} values, but the header names {len(header)}; "
-                "give latitude and longitude"
-            )
+            raise MissionError(ValuesMissing(where, len(fields), len(header)))
         values = (fields[lat_column], fields[lon_column])
         lat_deg, lon_deg = (_read_cell(value, separator, where) for value in values)
         yield (lat_deg, lon_deg), where
@@ -104,8 +113,7 @@ def _read_cell(text: str, separator: str, where: str) -> float:
         number = math.nan
     if not math.isfinite(number):
         has_comma = separator == "," and "," in text
-        help = "; write a point for the comma" * has_comma
-        raise MissionError(f"{where}: {text!r} is not a number of degrees{help}")
+        raise MissionError(NotDegrees(where, quote_value(text), has_comma))
     return number
 
 
@@ -113,24 +121,20 @@ def _read_geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, o
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
-        place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
-        raise MissionError(
-            f"{source_name}{place} is not valid JSON: {error}; export it anew"
-        ) from error
+        line = error.lineno if isinstance(error, json.JSONDecodeError) else 0
+        raise MissionError(JsonBroken(source_name, str(error), line)) from error
     for geometry, where in _list_geometries(root, source_name):
         yield from _list_positions(geometry, where)
 
 
 def _list_geometries(node: object, where: str) -> Iterator[tuple[dict[str, object], str]]:
     if not isinstance(node, dict):
-        raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
+        raise MissionError(NotGeojson(where, type(node).__name__))
     kind = node.get("type")
     if kind == "FeatureCollection":
         features = node.get("features")
         if not isinstance(features, list):
-            raise MissionError(
-                f"{where}: a FeatureCollection needs a list 'features'; export it anew"
-            )
+            raise MissionError(ListMissing(where, "FeatureCollection", "features"))
         for number, feature in enumerate(features):
             yield from _list_geometries(feature, f"{where} feature {number}")
     elif kind == "Feature":
@@ -154,13 +158,11 @@ def _list_positions(
     if kind == "Point":
         coordinates = [coordinates]
     elif kind not in ("LineString", "MultiPoint"):
-        raise MissionError(
-            f"{where}: geometry {kind!r} gives no waypoints; use Point, MultiPoint or LineString"
-        )
+        raise MissionError(GeometryUnfit(where, quote_value(kind), "waypoints"))
     if not isinstance(coordinates, list):
-        raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
+        raise MissionError(NotPositions(where))
     for number, position in enumerate(coordinates):
         at = where if kind == "Point" else f"{where} position {number}"
         if not isinstance(position, list) or len(position) < 2:
-            raise MissionError(f"{at}: {position!r} is not [lon, lat]; write two numbers")
+            raise MissionError(NotPosition(at, quote_value(position)))
         yield (position[1], position[0]), at

@@ -16,10 +16,10 @@ from agribot.autonomy.plan.ways.curves import (
 from agribot.autonomy.plan.ways.dubins import find_shortest
 from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
 from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
 from agribot.core.facts import NoWaypoints, WaypointFar, WaypointsSame
 from agribot.core.messages import MapPoint, Path
 from agribot.core.pose import Pose2
-from agribot.core.refusal import MissionRefusal
 from agribot.core.robot import RobotSpec
 
 __all__ = ["parse_waypoints", "plan_waypoints"]
@@ -68,15 +68,15 @@ def _check(
     points: Sequence[MapPoint], start: Pose2, robot: RobotSpec, mission: MissionConfig
 ) -> None:
     if not points:
-        raise MissionRefusal(NoWaypoints())
+        raise MissionError(NoWaypoints())
     limit_m = mission.max_waypoint_distance_m
     before = (start.x_m, start.y_m)
     for number, point in enumerate(points):
         away_m = math.dist((start.x_m, start.y_m), point)
         if not away_m <= limit_m:
-            raise MissionRefusal(WaypointFar(number + 1, robot.name, away_m, limit_m))
+            raise MissionError(WaypointFar(number + 1, robot.name, away_m, limit_m))
         if number > 0 and math.dist(before, point) < SAME_PLACE_M:
-            raise MissionRefusal(WaypointsSame(number, number + 1))
+            raise MissionError(WaypointsSame(number, number + 1))
         before = point
 
 
