@@ -14,10 +14,10 @@ from agribot.drivers.board_codec import FORMATS
 
 HEAD = """# Messages of the boards
 
-Written by `make pages` from the code. On the line of a [board](firmware.md): `type u8`, `seq u8`,
-the fields, little-endian, and the CRC-16/XMODEM of all that, stuffed by COBS and ended by a zero
-byte. Each side counts its own frames in `seq`. A number times the scale is the unit
-([`board_protocol.py`](../src/agribot/drivers/board_protocol.py)).
+Written by `make pages` from the code. The robot and its [boards](firmware.md) exchange frames of
+`type u8`, `seq u8`, the fields, little-endian, and the CRC-16/XMODEM of all that, stuffed by COBS
+and ended by a zero byte. Each side counts its own frames in `seq`. A number times the scale is the
+unit ([`board_protocol.py`](../src/agribot/drivers/board_protocol.py)).
 
 Layout {layout:#06x}.
 

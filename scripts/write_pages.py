@@ -12,6 +12,7 @@ import facts_page
 import faults_page
 import files_page
 import hazards_page
+import index_page
 import llms_page
 import mission_page
 import original_page
@@ -38,6 +39,8 @@ PAGES: dict[str, Callable[[], str]] = {
     "docs/python.md": python_page.page,
     "docs/settings.md": settings_page.page,
     "docs/topics.md": topics_page.page,
+    # These have the first sentences of the pages above.
+    "docs/index.md": index_page.page,
     "llms.txt": llms_page.page,
 }
 

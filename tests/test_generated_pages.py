@@ -13,7 +13,7 @@ SCRIPTS = ROOT / "scripts"
 NAMES = (
     "docs/architecture.md", "docs/board-messages.md", "docs/commands.md", "docs/facts.md",
     "docs/faults.md", "docs/field-file.md", "docs/files.md", "docs/hazards.md",
-    "docs/mission.md", "docs/original.md", "docs/presets.md", "docs/python.md",
+    "docs/index.md", "docs/mission.md", "docs/original.md", "docs/presets.md", "docs/python.md",
     "docs/settings.md", "docs/results/original.csv", "docs/topics.md", "llms.txt",
 )  # fmt: skip
 
