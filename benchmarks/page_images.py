@@ -32,7 +32,8 @@ LAYOUTS = {
 README_PX = (1440, 900)
 # A camera that leaves a small machine some time for its browser.
 SETTINGS = ["--set", "seed=1", "--set", "perception.camera_rate_hz=4"]
-README_FROM = 0.6  # of the mission
+README_FROM = 0.6  # share of the mission
+PACE = 0.5  # simulated over real time, for a busy machine
 GAP_PX, GAP_RGB = 10, (128, 128, 128)
 PATIENCE_S = 900.0
 LOADING_S, SETTLING_S = 30.0, 3.0  # a map without a graphics card
@@ -134,7 +135,7 @@ def main() -> int:
         address = options.at
         if address is None:
             out_dir = Path(tempfile.mkdtemp()) / "today-farm"
-            robot = parts.enter_context(robot_with_page("farm", out_dir, SETTINGS, pace=2.0))
+            robot = parts.enter_context(robot_with_page("farm", out_dir, SETTINGS, pace=PACE))
             address = robot.address
             made = take_mission_picture(page, address)
             made.save(options.out / "page.webp", quality=82, method=6)

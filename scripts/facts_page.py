@@ -17,9 +17,9 @@ HEAD = """# Messages and their codes
 Written by `make pages` from the code. A message of the robot, on the page, in `events.jsonl` and
 over ROS, is the text of a fact. Its code does not change; programs read that one.
 
-After a *warning* the robot goes on; after a *fault* it must not, or not by itself. A word in braces
-is a number or name (`_m`, `_s`, `_rad`: its unit). Of several texts of a fact the first is here.
-Notes and answers to requests are left out ([all](../src/agribot/core/facts.en.toml)).
+After a *warning* the robot goes on; after a *fault* it must not, or not by itself. A word in
+`this type` is a number or name (`_m`, `_s`, `_rad`: its unit). Of several texts of a fact the first
+is here. Notes and answers to requests are left out ([all](../src/agribot/core/facts.en.toml)).
 [Hazards](hazards.md) lists the reactions.
 """
 # Modules of facts; those left out hold answers to requests and words of others.
@@ -62,9 +62,9 @@ def _write_row(kind: type[Fact]) -> str:
 
 
 def _show(template: Template) -> str:
-    """Show the first text of a fact, with the bare names of its values."""
+    """Show the first text of a fact, with the names of its values."""
     text = template if isinstance(template, str) else next(iter(template.values()))
-    return _VALUE.sub(r"{\1}", text).replace("|", r"\|")
+    return _VALUE.sub(r"`\1`", text).replace("|", r"\|")
 
 
 if __name__ == "__main__":
