@@ -19,6 +19,8 @@ HEAD = """# AGRIBOT
 """
 # A link is its text, a picture nothing; a sentence ends before a space or the end of its line.
 LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
+# Links in parentheses.
+ASIDE = re.compile(r" \((?:\[[^\]]*\]\([^)]*\)(?:, )?)+\)")
 SENTENCE = re.compile(r".+?[.:](?=\s+[A-Z`]|$)", re.DOTALL)
 SECTIONS = {
     "Tutorials": "docs/tutorials/*.md",
@@ -39,8 +41,13 @@ def page() -> str:
 
 
 def _line(path: Path) -> str:
-    title, _, text = path.read_text(encoding="utf-8").partition("\n")
-    return f"- [{title.lstrip('# ')}]({path.relative_to(ROOT)}): {_find_sentence(text)}\n"
+    title = path.read_text(encoding="utf-8").partition("\n")[0]
+    return f"- [{title.lstrip('# ')}]({path.relative_to(ROOT)}): {find_summary(path)}\n"
+
+
+def find_summary(path: Path) -> str:
+    """Find the first sentence of a page."""
+    return _find_sentence(path.read_text(encoding="utf-8").partition("\n")[2])
 
 
 def _find_sentence(text: str) -> str:
@@ -48,7 +55,8 @@ def _find_sentence(text: str) -> str:
     is_code = False
     for block in text.split("\n\n"):
         is_code ^= block.count("```") % 2 == 1
-        words = LINK.sub(lambda link: "" if link[0][0] == "!" else link[1], block).strip()
+        bare = ASIDE.sub("", block)
+        words = LINK.sub(lambda link: "" if link[0][0] == "!" else link[1], bare).strip()
         if is_code or not words or words.startswith(("|", "#", "```", "<", "-")):
             continue
         sentences = [" ".join(found.split()) for found in SENTENCE.findall(words)]

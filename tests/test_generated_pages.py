@@ -11,10 +11,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
 NAMES = (
-    "docs/architecture.md", "docs/commands.md", "docs/faults.md",
-    "docs/field-file.md", "docs/firmware.md", "docs/hazards.md",
-    "docs/mission.md", "docs/original.md", "docs/python.md", "docs/settings.md",
-    "docs/results/original.csv", "docs/topics.md", "llms.txt",
+    "docs/architecture.md", "docs/board-messages.md", "docs/commands.md", "docs/facts.md",
+    "docs/faults.md", "docs/field-file.md", "docs/files.md", "docs/hazards.md",
+    "docs/index.md", "docs/mission.md", "docs/original.md", "docs/presets.md", "docs/python.md",
+    "docs/settings.md", "docs/results/original.csv", "docs/topics.md", "llms.txt",
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ void begin_line(void);
  * here. Where the line has no room it is dropped, and the host sees the gap in the numbers. */
 void send_message(void *message, uint8_t size);
 
-/* Look for the next whole message. Returns its size, 0 where there is none yet. */
+/* Look for the next whole message. Returns its size, 0 without one. */
 uint8_t receive_message(uint8_t **message);
 
 /* How many frames were broken, modulo 256. */

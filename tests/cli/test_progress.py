@@ -32,7 +32,7 @@ def test_the_list_before_the_start_and_a_stop_are_told_at_once() -> None:
     statuses = (
         GateStatus(),
         GateStatus(state="checking", reason="outside the geofence", checks=(bad,)),
-        GateStatus(state="driving", reason="over", told="camera silent for 1.2 s > 1.0 s"),
+        GateStatus(state="driving", reason="over", warning="camera silent for 1.2 s > 1.0 s"),
         GateStatus(state="stopped", reason="RUNAWAY"),
         GateStatus(state="stopped", reason="RUNAWAY"),
     )

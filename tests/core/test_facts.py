@@ -166,7 +166,7 @@ def list_values(hint: Any) -> list[Any]:
 
 
 TEXTS = frozenset(
-    {"reason", "told", "stopped", "held", "warning", "contradiction", "plants_doubt", "refusal",
+    {"reason", "stopped", "held", "warning", "contradiction", "plants_doubt", "refusal",
      "trouble"}
 )  # fmt: skip
 NAMES = frozenset({"reason", "refusal", "why"})  # of variables that hold one

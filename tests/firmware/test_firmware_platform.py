@@ -211,7 +211,7 @@ def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
     ticks, _ = drive(tmp_path / "run", "firmware", 4.5, f"faults={fault}")
     before = [t for t in ticks if t.batch.t_s < 3.0]
     assert before[-1].command.drive.v_mps > 0.2 and not before[-1].status.stopped
-    told = f"{ticks[-1].status.stopped} {ticks[-1].status.gate.told}"
+    told = f"{ticks[-1].status.stopped} {ticks[-1].status.gate.warning}"
     assert any(word in told for word in words), told
     (first,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
     assert first - 3.0 < 1.0

@@ -119,7 +119,7 @@ def test_a_board_that_sets_off_without_a_contactor_is_reported_with_what_to_do(
 ) -> None:
     cut_after_s, _, last = stand(tmp_path / "run", "stop", "sim.contactors=0")
     assert cut_after_s is None
-    told = last.status.gate.told_fact
+    told = last.status.gate.warning_fact
     assert holds(told, Runaway(ANY, is_cut=False, is_contactor_stuck=False), WheelsWrong)
 
 

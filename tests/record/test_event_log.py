@@ -163,10 +163,10 @@ def test_the_gate_tells_its_way_from_state_to_state_and_the_list_before_the_star
         GateStatus(state="checking", reason="outside", checks=(good, bad)),
         GateStatus(state="checking", reason="outside"),
         GateStatus(
-            state="driving", reason="over: outside", told="1e+200", told_fact=ImuSpoilt(1e200)
+            state="driving", reason="over: outside", warning="1e+200", warning_fact=ImuSpoilt(1e200)
         ),
         GateStatus(
-            state="driving", reason="over: outside", told="3e+100", told_fact=ImuSpoilt(3e100)
+            state="driving", reason="over: outside", warning="3e+100", warning_fact=ImuSpoilt(3e100)
         ),
         GateStatus(state="stopped", reason="the bumper touches something"),
     )

@@ -95,9 +95,9 @@ def test_pages_of_two_languages_follow_one_robot() -> None:
     assert read_page(german)["stop"].startswith("angehalten von Ann;")
     assert read_page(english)["stop"] == render(STOP)
     live = wire.LiveState(mode="stopped", stop=render(STOP), stop_fact=STOP)
-    german.tell(live)
+    german.send(live)
     assert "angehalten von Ann" in (german.take() or "")
-    german.tell(wire.Verdict(id="1", ok=False, reason=render(REFUSED), reason_fact=REFUSED))
+    german.send(wire.Verdict(id="1", ok=False, reason=render(REFUSED), reason_fact=REFUSED))
     verdict = msgspec.json.decode(german.take() or "", type=wire.Verdict)
     assert verdict == wire.Verdict(id="1", ok=False, reason=render(REFUSED, "de"))
 

@@ -131,7 +131,7 @@ class FakePage:
     def follow(self, channel: Any) -> None:
         self.channel = channel
 
-    def tell(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         self.said.append(message.reason)
 
 

@@ -266,10 +266,10 @@ class _Looking:
     def __init__(self, hub: Hub) -> None:
         self.role: str | None = "operator"
         self.channel = hub.live
-        self.told: list[wire.ServerMessage] = []
+        self.sent: list[wire.ServerMessage] = []
 
-    def tell(self, message: wire.ServerMessage) -> None:
-        self.told.append(message)
+    def send(self, message: wire.ServerMessage) -> None:
+        self.sent.append(message)
 
     def acknowledge(self, count: int) -> None: ...
 
@@ -284,7 +284,7 @@ def test_a_stop_is_not_confirmed_by_the_server_of_a_program_that_has_ended(tmp_p
         hub.stops.clear()
         Commands(hub, page).obey(wire.PressStop(id="stop"))
     assert [isinstance(o, wire.RequestOrder) and o.request.word for o in orders] == ["stop"]
-    heard, lost = (verdict for verdict in page.told if isinstance(verdict, wire.Verdict))
+    heard, lost = (verdict for verdict in page.sent if isinstance(verdict, wire.Verdict))
     assert heard.ok
     assert not lost.ok
     assert "has ended" in lost.reason

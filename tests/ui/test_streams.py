@@ -145,7 +145,7 @@ def test_a_page_that_acknowledges_nothing_has_little_on_its_way_and_then_the_new
     assert sum(map(size_bytes, sent)) < LEAST_BYTES + 1000
     assert window.waiting_s(40.0) == pytest.approx(40.0)
     pong = wire.Pong(sent_ms=1.0, mono_ms=2.0, wall_ms=3.0)
-    client.tell(pong)
+    client.send(pong)
     assert take(client) == pong, "an answer does not wait"
     window.note_received(len(sent), 40.0)
     newest = take(client)

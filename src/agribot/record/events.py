@@ -272,9 +272,9 @@ class EventSieve:
         if gate.state != before.state:
             reason = f"{before.state} -> {gate.state}: {gate.reason}"
             self._add(t_s, "gate", reason, gate.fact, gate.state)
-        kind = find_kind(gate.told_fact)
-        if kind and kind not in (find_kind(before.told_fact), find_kind(said)):
-            self._add(t_s, "fault", gate.told, gate.told_fact)
+        kind = find_kind(gate.warning_fact)
+        if kind and kind not in (find_kind(before.warning_fact), find_kind(said)):
+            self._add(t_s, "fault", gate.warning, gate.warning_fact)
 
     def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:
         """Note whose verdict is fine no more, where nothing else shows why, and whose is again."""

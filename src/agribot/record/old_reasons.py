@@ -30,7 +30,7 @@ def lift_reasons(record: TickRecord) -> TickRecord:
         record.status,
         reason="fact", stopped="stopped_fact", held="held_fact", warning="warning_fact",
         refusal="refusal_fact",
-        gate=_lift(gate, reason="fact", told="told_fact", checks=checks),
+        gate=_lift(gate, reason="fact", warning="warning_fact", checks=checks),
     )  # fmt: skip
     return _lift(record, reason="fact", estimate=estimate, status=status)  # type: ignore[no-any-return]
 

@@ -85,6 +85,8 @@ class EstimateReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class IouReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Intersection over union of each class, by pixels."""
+
     weed: float | None = None
     crop: float | None = None
     soil: float | None = None

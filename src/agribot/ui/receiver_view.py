@@ -57,9 +57,9 @@ class ReceiverView:
         """Make the message of what is known by now."""
         fix, status, t_s = self._fix, self._status, self._t_s
         status_age_s = None if status is None else max(t_s - status.t_s, 0.0)
-        is_told = status_age_s is not None and status_age_s <= STATUS_LATE_S
-        told = status if status is not None and is_told else GnssStatus(t_s=t_s)
-        age_s = told.correction_age_s
+        is_current = status_age_s is not None and status_age_s <= STATUS_LATE_S
+        shown = status if status is not None and is_current else GnssStatus(t_s=t_s)
+        age_s = shown.correction_age_s
         return wire.ReceiverState(
             is_simulated=self._is_simulated,
             device=self._device,
@@ -68,22 +68,22 @@ class ReceiverView:
             std_m=None if fix is None else _shorten(fix.pos_std_m),
             rate_hz=self._rate.rate_hz,
             status_age_s=None if status_age_s is None else round(status_age_s),
-            satellites=_choose_shown(told.satellites),
-            used_count=sum(each.is_used for each in told.satellites),
-            in_view_count=len(told.satellites),
-            hdop=_round_dop(told.hdop),
-            pdop=_round_dop(told.pdop),
-            vdop=_round_dop(told.vdop),
-            correction_age_s=None if age_s is None else round(age_s + max(t_s - told.t_s, 0.0), 1),
-            correction_hz=self._correction_hz if is_told else None,
-            correction_use_ratio=self._use_ratio if is_told else None,
+            satellites=_choose_shown(shown.satellites),
+            used_count=sum(each.is_used for each in shown.satellites),
+            in_view_count=len(shown.satellites),
+            hdop=_round_dop(shown.hdop),
+            pdop=_round_dop(shown.pdop),
+            vdop=_round_dop(shown.vdop),
+            correction_age_s=None if age_s is None else round(age_s + max(t_s - shown.t_s, 0.0), 1),
+            correction_hz=self._correction_hz if is_current else None,
+            correction_use_ratio=self._use_ratio if is_current else None,
             caster=self._caster,
             caster_state=self._caster_state,
             correction_trouble=self._correction_trouble,
             line_trouble=self._line_trouble,
             unmeasured="" if fix is None else fix.unmeasured,
-            position_trouble=told.trouble,
-            unread=list(told.unread),
+            position_trouble=shown.trouble,
+            unread=list(shown.unread),
         )
 
     def _hear(self, fact: Fact) -> None:

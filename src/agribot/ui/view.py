@@ -241,7 +241,7 @@ def _choose_reason(record: TickRecord) -> tuple[str, Fact | None]:
         return record.reason, record.fact
     if status.reason:
         return status.reason, status.fact
-    return status.gate.told, status.gate.told_fact
+    return status.gate.warning, status.gate.warning_fact
 
 
 def _mission(status: MissionStatus) -> wire.MissionProgress:

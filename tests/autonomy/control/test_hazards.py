@@ -101,11 +101,11 @@ def test_one_spoilt_number_of_the_imu_is_told_and_no_tilt(
     gate = Gate().cruise()
     sent, reason = gate.send(batch=spoilt(gate, **changes))
     assert (sent.drive, reason) == (FORWARD, None)
-    assert gate.supervisor.gate.told_fact == ImuSpoilt(value)
+    assert gate.supervisor.gate.warning_fact == ImuSpoilt(value)
     for _ in range(300):
         sent, reason = gate.send()
     assert (sent.drive, reason) == (FORWARD, None)
-    assert not holds(gate.supervisor.gate.told_fact, Fact)
+    assert not holds(gate.supervisor.gate.warning_fact, Fact)
 
 
 def test_a_line_that_spoils_numbers_again_and_again_is_no_line_to_drive_with() -> None:
@@ -324,7 +324,7 @@ def test_a_camera_or_a_network_that_fails_is_named_and_the_tool_goes_off(
         gate.rover.turn_wheels(sent.drive)
     assert (sent.drive, reason) == (FORWARD, None), "it drives on"
     assert not sent.implement.is_on
-    assert isinstance(gate.supervisor.gate.told_fact, NetworkSilent)
+    assert isinstance(gate.supervisor.gate.warning_fact, NetworkSilent)
 
 
 def test_the_tool_is_off_while_the_plants_that_the_camera_names_are_in_doubt() -> None:

@@ -252,9 +252,9 @@ def test_a_tilt_that_the_imu_does_not_measure_is_told_and_is_not_level() -> None
     imu = msgspec.structs.replace(batch.imu[0], t_s=batch.t_s, accel_mps2=None)
     sent, reason = gate.send(batch=msgspec.structs.replace(batch, imu=(imu,)))
     assert (sent.drive == STOP, reason) == (False, None)
-    assert gate.supervisor.gate.told_fact == TiltUnknown()
+    assert gate.supervisor.gate.warning_fact == TiltUnknown()
     gate.send(batch=tilted_batch(gate, (0.0, 0.0, 9.8)))
-    assert gate.supervisor.gate.told_fact is None
+    assert gate.supervisor.gate.warning_fact is None
 
 
 @pytest.mark.parametrize("axis", [0, 1])

@@ -27,7 +27,7 @@ class WheelsResult(msgspec.Struct, frozen=True, kw_only=True):
     wheel_radius_off_ratio: float
     yaw_multiplier_off_ratio: float
     described_gain: Gain
-    told_gain: Gain
+    original_gain: Gain
     settings: tuple[str, ...]
 
 
@@ -77,7 +77,7 @@ def assess_wheels(drive: DriveSpec, fit: DriveFit, described: Gain, original: Ga
         wheel_radius_off_ratio=fit.wheel_radius_m / drive.wheel_radius_m - 1.0,
         yaw_multiplier_off_ratio=multiplier / drive.yaw_multiplier - 1.0,
         described_gain=described,
-        told_gain=original,
+        original_gain=original,
         settings=make_wheel_settings(drive, fit),
     )
 
@@ -99,8 +99,8 @@ def format_wheels(drive: DriveSpec, result: WheelsResult) -> str:
         _format_line("gyro scale", fit.gyro_scale, fit.gyro_scale_std, 1.0),
         f"reached / commanded, as described: speed {result.described_gain.speed:.3f}, "
         f"yaw rate {result.described_gain.yaw_rate:.3f}",
-        f"reached / commanded, as set:       speed {result.told_gain.speed:.3f}, "
-        f"yaw rate {result.told_gain.yaw_rate:.3f}",
+        f"reached / commanded, as set:       speed {result.original_gain.speed:.3f}, "
+        f"yaw rate {result.original_gain.yaw_rate:.3f}",
     ]  # fmt: skip
     described = (
         "or set in the xacro files of the robot:",

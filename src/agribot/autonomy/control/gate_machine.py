@@ -74,12 +74,15 @@ class GateMachine:
             self.is_started = state not in ("checking", "standby")
             if is_new or not self._checks or self.is_started:
                 outcome = self._checks = checks
-        if (state, fact, warning, outcome) != (before.state, before.fact, before.told_fact, ()) or (
-            before.checks
-        ):
+        if (state, fact, warning, outcome) != (
+            before.state,
+            before.fact,
+            before.warning_fact,
+            (),
+        ) or (before.checks):
             self.status = GateStatus(
-                state=state, reason=render(fact), told=render(warning), checks=outcome,
-                fact=fact, told_fact=warning,
+                state=state, reason=render(fact), warning=render(warning), checks=outcome,
+                fact=fact, warning_fact=warning,
             )  # fmt: skip
 
     def end_mission(self) -> None:

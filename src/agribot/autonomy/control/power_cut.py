@@ -95,7 +95,7 @@ class PowerCut:
         if (deafness := self._find_deafness()) is not None:
             return deafness
         if self.does_not_open:
-            return ContactorStaysClosed(is_told=last.is_closed)
+            return ContactorStaysClosed(is_reported=last.is_closed)
         return ContactorStaysOpen() if self._t_s - self._open_s > CLOSING_S else None
 
     def find_weld(self) -> ContactorWelded | None:

@@ -60,8 +60,8 @@ class RunProgress:
             self.note(describe_checks(gate.checks))
         if gate.state == "stopped" != before.state:
             self.note(f"stopped: {gate.reason}")
-        if gate.told and not before.told:
-            self.note(gate.told)
+        if gate.warning and not before.warning:
+            self.note(gate.warning)
 
     def note(self, text: str) -> None:
         """Print a line of its own, above the bar."""

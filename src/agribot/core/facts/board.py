@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import msgspec
+
 from agribot.core.facts.base import End, Fact, Part, Severity, Side, Wheel
 
 if TYPE_CHECKING:
@@ -178,14 +180,14 @@ class RelayStuck(Fact, frozen=True):
 
 
 class ContactorStaysClosed(Fact, frozen=True):
-    """The contactor was commanded to open and did not; `is_told`: it reports so itself."""
+    """The contactor was commanded to open and did not; `is_reported`: it says so itself."""
 
     about: ClassVar[tuple[Part, ...]] = ("contactor",)
-    is_told: bool
+    is_reported: bool = msgspec.field(name="is_told")
 
     @property
     def variant(self) -> str:
-        return "reported" if self.is_told else "seen"
+        return "reported" if self.is_reported else "seen"
 
 
 class ContactorStaysOpen(Fact, frozen=True):

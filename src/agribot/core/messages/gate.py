@@ -26,14 +26,14 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 class GateStatus(msgspec.Struct, frozen=True, kw_only=True):
     """State of the gate and why it is in it.
 
-    `told` is what is wrong though the robot may drive. `checks` is the list before the start, in a
-    tick in which its outcome changed; else it is empty. `reason` and `told` are the texts of `fact`
-    and `told_fact`.
+    `warning` is what is wrong though the robot may drive. `checks` is the list before the start, in
+    a tick in which its outcome changed; else it is empty. `reason` and `warning` are the texts of
+    `fact` and `warning_fact`. Recordings call the last two `told` and `told_fact`.
     """
 
     state: GateState = "standby"
     reason: str = ""
-    told: str = ""
+    warning: str = msgspec.field(name="told", default="")
     checks: tuple[Check, ...] = ()
     fact: AnyFact | None = None
-    told_fact: AnyFact | None = None
+    warning_fact: AnyFact | None = msgspec.field(name="told_fact", default=None)

@@ -1,8 +1,9 @@
 """What the robot and its boards say to each other: the one table of their messages.
 
-A message is a struct here, a packed struct in `firmware/wire.h` and a row of docs/firmware.md; both
-are written from this file. On the line it is `type u8, seq u8, fields little-endian, CRC-16 u16`,
-stuffed by COBS and ended by a zero byte (`board_codec`). Wheels come in the order of WHEEL_NAMES.
+A message is a struct here, a packed struct in `firmware/wire.h` and a row of
+docs/board-messages.md; both are written from this file. On the line it is `type u8, seq u8, fields
+little-endian, CRC-16 u16`, stuffed by COBS and ended by a zero byte (`board_codec`). Wheels come in
+the order of WHEEL_NAMES.
 A board counts what its encoders count, four for each line of the disc; how many make a turn of the
 wheel knows the robot's program alone.
 """

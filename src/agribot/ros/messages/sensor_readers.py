@@ -130,8 +130,8 @@ def read_imu(message: Any, t_s: float) -> ImuSample:
             "needs; take the topic of an IMU with a gyro"
         )
     accel = message.linear_acceleration
-    is_told = any(number and not math.isnan(number) for number in (accel.x, accel.y, accel.z))
-    has_accel = is_told and message.linear_acceleration_covariance[0] != NOT_MEASURED
+    has_numbers = any(number and not math.isnan(number) for number in (accel.x, accel.y, accel.z))
+    has_accel = has_numbers and message.linear_acceleration_covariance[0] != NOT_MEASURED
     return ImuSample(
         t_s=t_s,
         gyro_radps=_read_finite(message.angular_velocity, "angular velocity"),

@@ -74,9 +74,9 @@ def _convert_entry(entry: dict[str, Any]) -> dict[str, Any]:
     for key in ("axis_mappings", "message_value"):
         if isinstance(entry.get(key), dict):
             converted[key] = [
-                {"target": _name_target(name), **told}
-                for name, told in entry[key].items()
-                if isinstance(told, dict) and not str(name).startswith("header")
+                {"target": _name_target(name), **mapping}
+                for name, mapping in entry[key].items()
+                if isinstance(mapping, dict) and not str(name).startswith("header")
             ]
     return converted
 

@@ -50,7 +50,7 @@ class Feed:
         self._thread = threading.Thread(target=self._run, name="ui-feed", daemon=True)
         self._changes = Changes(source)
         self._traced = 0
-        self._told = -1
+        self._sent_ticks = -1
         self._receiver: wire.ReceiverState | None = None
         self._tick_mono_s = 0.0
         self._pace = Pace()
@@ -73,28 +73,28 @@ class Feed:
         next_s = time.monotonic()
         try:
             while not self._ended.is_set():
-                self._tell(number)
+                self._send_changes(number)
                 number += 1
                 next_s = max(next_s + period_s, time.monotonic() - period_s)
                 self._ended.wait(max(0.0, next_s - time.monotonic()))
-            self._tell(0)
+            self._send_changes(0)
         except OSError:
             return  # the server is gone; the link notices by itself
 
-    def _tell(self, number: int) -> None:
+    def _send_changes(self, number: int) -> None:
         view = self._view
-        if view.ticks != self._told:
-            self._told = view.ticks
+        if view.ticks != self._sent_ticks:
+            self._sent_ticks = view.ticks
             state = view.state()
             if state is not None:
                 self._put(self._complete(state))
-        self._tell_trace()
+        self._send_trace()
         if number % SLOW_EVERY == 0:
             for message in self._changes.messages():
                 self._put(message)
             self._put(self._counts())
         if number % RECEIVER_EVERY == 0 and view.record is not None:
-            self._tell_receiver()
+            self._send_receiver()
 
     def _complete(self, state: wire.State) -> wire.State:
         """With what a view alone cannot know."""
@@ -116,14 +116,14 @@ class Feed:
             samples={**self._view.topics, "ticks": self._view.ticks},
         )
 
-    def _tell_trace(self) -> None:
+    def _send_trace(self) -> None:
         trace = self._view.trace_map_m
         while self._traced < len(trace):
             chunk = trace[self._traced : self._traced + TRACE_CHUNK]
             self._put(wire.TracePiece(first=self._traced, points_map_m=chunk))
             self._traced += len(chunk)
 
-    def _tell_receiver(self) -> None:
+    def _send_receiver(self) -> None:
         receiver = self._view.receiver.show()
         if receiver != self._receiver:
             self._receiver = receiver

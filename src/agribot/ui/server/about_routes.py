@@ -29,7 +29,7 @@ async def session(request: Request) -> Response:
     if caller.role is None:
         return json_answer(wire.LoginNeeded(version=__version__))
     about = hub.about
-    is_told_address = about.lan_url and caller.role == "operator"
+    shows_address = about.lan_url and caller.role == "operator"
     return json_answer(
         wire.SessionInfo(
             version=__version__,
@@ -38,7 +38,7 @@ async def session(request: Request) -> Response:
             source=hub.live.source,
             role=caller.role,
             lan_url=about.lan_url or None,
-            qr_svg=qr_svg(about.lan_url) if is_told_address else None,
+            qr_svg=qr_svg(about.lan_url) if shows_address else None,
             camera=about.robot.camera is not None,
         )
     )

@@ -86,11 +86,11 @@ class Camera:
 
     def enter(self, viewer: int, *, with_mask: bool) -> None:
         self._viewers[viewer] = with_mask
-        self._tell_robot()
+        self._report_viewers()
 
     def leave(self, viewer: int) -> None:
         self._viewers.pop(viewer, None)
-        self._tell_robot()
+        self._report_viewers()
 
     async def after(self, kind: int, index: int) -> Picture:
         """Wait for the first picture of this kind that is not the one with `index`."""
@@ -112,7 +112,7 @@ class Camera:
             known = self._encoded[key] = (picture.index, work)
         return await asyncio.shield(known[1])
 
-    def _tell_robot(self) -> None:
+    def _report_viewers(self) -> None:
         mask = any(self._viewers.values())
         self._hub.order(wire.WatchOrder(camera=bool(self._viewers), mask=mask))
 

@@ -50,7 +50,7 @@ class Client:
         self._is_state_next = False
         self.wake()
 
-    def tell(self, message: wire.ServerMessage) -> None:
+    def send(self, message: wire.ServerMessage) -> None:
         """For this page alone, such as an answer."""
         self._direct.append(self._write(message))
         self.wake()

@@ -44,7 +44,7 @@ class Page(Protocol):
     @property
     def channel(self) -> Channel: ...
 
-    def tell(self, message: wire.ServerMessage) -> None: ...
+    def send(self, message: wire.ServerMessage) -> None: ...
 
     def acknowledge(self, count: int) -> None: ...
 
@@ -90,7 +90,7 @@ class Commands:
     def _ping(self, message: wire.Ping) -> None:
         """Answered with this machine's clocks: by them a page knows how old states are."""
         mono_ms, wall_ms = time.monotonic() * 1e3, time.time() * 1e3
-        self._page.tell(wire.Pong(sent_ms=message.sent_ms, mono_ms=mono_ms, wall_ms=wall_ms))
+        self._page.send(wire.Pong(sent_ms=message.sent_ms, mono_ms=mono_ms, wall_ms=wall_ms))
 
     def _acknowledge(self, message: wire.Receipt) -> None:
         if message.count < 0:
@@ -112,13 +112,13 @@ class Commands:
                 hub.order(wire.DriveOrder(v_mps=0.0, yaw_rate_radps=0.0, who=page.who))
                 hub.note(page.who, "takes the operator's seat")
         self._answer(message, reason)
-        hub.tell_seat()
+        hub.announce_seat()
 
     def _leave_seat(self, message: wire.LeaveSeat) -> None:
         if self._hub.seat.release(self._page.session):
             self._drive(0.0, 0.0)  # a calibration ends as well
             self._hub.note(self._page.who, "leaves the operator's seat")
-            self._hub.tell_seat()
+            self._hub.announce_seat()
         self._answer(message)
 
     def _drive_by_hand(self, message: wire.DriveByHand) -> None:
@@ -247,7 +247,7 @@ class Commands:
             verdict = wire.Verdict(
                 id=message.id, ok=not reason, reason=reason, reason_fact=fact or UNSET
             )
-            self._page.tell(verdict)
+            self._page.send(verdict)
 
 
 def _is_late(sent_ms: float | None) -> bool:

@@ -158,7 +158,7 @@ async def apply_plan(request: Request) -> Response:
     if made.is_crop_gone:
         hub.note(who_asks(request), "takes the crop rows off the map")
     hub.about.field = made.field
-    hub.tell_all(wire.FieldChange())
+    hub.send_to_all(wire.FieldChange())
     return json_answer(made.answer)
 
 
@@ -187,8 +187,8 @@ async def import_view(request: Request) -> Response:
 
 async def export_view(request: Request) -> Response:
     """Write the displays of a view, and what it stays on, as a configuration of mapviz."""
-    told = await read_body(request, wire.ExportedView)
-    data = await run_in_process(config_of, told.displays, told.view, what="view")
+    exported = await read_body(request, wire.ExportedView)
+    data = await run_in_process(config_of, exported.displays, exported.view, what="view")
     return Response(data, media_type="application/yaml")
 
 

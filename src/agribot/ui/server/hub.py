@@ -41,7 +41,7 @@ T = TypeVar("T")
 NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
 NOTES_PER_MINUTE = 60  # notes of each kind
-TELL_SEAT_S = 0.05
+SEAT_DELAY_S = 0.05
 ANSWER_S = 10.0  # time for an answer of the robot's program
 GAVE_WAY = (
     f"your recording gave way to that of another browser, {MAX_REPLAYS} can be shown at a time; "
@@ -104,7 +104,7 @@ class Hub:
         self._follow()
         for socket in self.sockets:
             if victim is not None and _browser_of(socket.session) == victim:
-                socket.tell(wire.Verdict(id="", ok=False, reason=GAVE_WAY))
+                socket.send(wire.Verdict(id="", ok=False, reason=GAVE_WAY))
 
     def end_replay(self, browser: str) -> None:
         self.replays.end(browser)
@@ -114,13 +114,13 @@ class Hub:
         for socket in self.sockets:
             socket.cut_if_gone(now_s)
 
-    def tell_live(self) -> None:
+    def publish_live(self) -> None:
         """Send what the robot itself does to the pages that show a recording."""
         watching = [socket for socket in self.sockets if socket.channel is not self.live]
         state = self.live.state if watching and self.has_robot else None
         if state is not None:
             for socket in watching:
-                socket.tell(
+                socket.send(
                     wire.LiveState(mode=state.mode, stop=state.stop, stop_fact=state.stop_fact)
                 )
 
@@ -130,16 +130,16 @@ class Hub:
             if channel is not socket.channel:
                 socket.follow(channel)
 
-    def tell_seat(self) -> None:
+    def announce_seat(self) -> None:
         """Announce the seat soon, once for all changes: a flood would push out answers."""
         if self._seat_timer is None:
             loop = asyncio.get_running_loop()
-            self._seat_timer = loop.call_later(TELL_SEAT_S, self._tell_seat)
+            self._seat_timer = loop.call_later(SEAT_DELAY_S, self._announce_seat)
 
-    def _tell_seat(self) -> None:
+    def _announce_seat(self) -> None:
         self._seat_timer = None
         for socket in self.sockets:
-            socket.tell_seat()
+            socket.send_seat()
 
     @property
     def home(self) -> Path:
@@ -227,9 +227,9 @@ class Hub:
         self.note(who, text)
         return True, text
 
-    def tell_all(self, message: wire.ServerMessage) -> None:
+    def send_to_all(self, message: wire.ServerMessage) -> None:
         for socket in self.sockets:
-            socket.tell(message)
+            socket.send(message)
 
     def note(self, who: Who, text: str, kind: NoteKind = "operator") -> None:
         """Put who did what into the recording; a flood of one kind is cut, and no other kind."""

@@ -133,10 +133,10 @@ def _is_news(record: logging.LogRecord) -> bool:
 
 
 def _serve(server: uvicorn.Server, listener: socket.socket) -> None:
-    asyncio.run(_serve_until_told(server, listener))
+    asyncio.run(_serve_and_close(server, listener))
 
 
-async def _serve_until_told(server: uvicorn.Server, listener: socket.socket) -> None:
+async def _serve_and_close(server: uvicorn.Server, listener: socket.socket) -> None:
     await server.serve(sockets=[listener])
     # A browser that knocked while the server ended was let in and never greeted.
     await asyncio.sleep(LAST_KNOCK_S)

@@ -46,7 +46,7 @@ def _view_of(tree: dict[str, Any]) -> dict[str, Any]:
     return {"target": "heading", "turn": 0 if is_turned else _AHEAD_TO_THE_RIGHT}
 
 
-def _told_of(view: dict[str, Any]) -> dict[str, Any]:
+def _write_view(view: dict[str, Any]) -> dict[str, Any]:
     """Say the same in mapviz's words, which have no other turns."""
     target, turn = view.get("target", "map"), view.get("turn", 0)
     with_heading = target == "heading"
@@ -101,7 +101,7 @@ def config_of(displays: list[dict[str, Any]], view: dict[str, Any] | None = None
     except (KeyError, TypeError, ValueError) as error:
         raise Unusable(400, f"these are no displays of a view: {error}") from error
     tree = {
-        "fixed_frame": "map", **_told_of(view or {}), "use_latest_transforms": True,
+        "fixed_frame": "map", **_write_view(view or {}), "use_latest_transforms": True,
         "show_displays": True, "displays": listed,
     }  # fmt: skip
     text = io.BytesIO()

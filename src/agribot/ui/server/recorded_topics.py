@@ -172,7 +172,7 @@ class _Player:
     def _begin(self) -> None:
         self._next = 0
         self._shown = ShownTopic(self._kept.decode, self._places)
-        self._told: msgspec.Raw | None = None
+        self._sent: msgspec.Raw | None = None
 
     def read(self, after: int, t_s: float) -> wire.TopicNews:
         end = bisect.bisect_right(self._kept.times_s, t_s)
@@ -182,8 +182,8 @@ class _Player:
             return wire.TopicNews(note="the recording has not come to its first message")
         self._put_until(end)
         self._shown.update()
-        if self._shown.json is not self._told:
-            self._told, self._seq = self._shown.json, self._seq + 1
+        if self._shown.json is not self._sent:
+            self._sent, self._seq = self._shown.json, self._seq + 1
         age_s = t_s - self._kept.times_s[end - 1]
         is_stale = age_s > STALE_S and end > 1
         note = f"no message for {age_s:.0f} s" if is_stale else self._shown.note
@@ -194,7 +194,7 @@ class _Player:
             is_stale=is_stale,
             note=note or self._kept.note,
             left_out=self._shown.left_out,
-            message=None if self._seq == after else self._told,
+            message=None if self._seq == after else self._sent,
         )
 
     def _put_until(self, end: int) -> None:

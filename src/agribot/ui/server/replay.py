@@ -73,7 +73,7 @@ class Replay(Channel):
         self._index = -1
         self._now_s = moments[0].t_s
         self._wall_s: float | None = None
-        self._receiver_told_s = 0.0
+        self._receiver_at_s = 0.0
         self._shown_weeds: dict[int, wire.Weed] = {}
         self._shown_receiver = b""
         self._next_event = 0
@@ -136,10 +136,10 @@ class Replay(Channel):
         self.trace_map_m = self._whole_trace[: moment.traced]
         self.path = self._whole_path or self.path
         self.path_revision += 1
-        self._tell_weeds()
-        self._tell_events()
-        self._tell_receiver()
-        self._tell_state(_read_state(moment).signals)
+        self._publish_weeds()
+        self._publish_events()
+        self._publish_receiver()
+        self._publish_state(_read_state(moment).signals)
 
     def step(self, wall_s: float) -> None:
         """Move on to where the recording is by now, on the clock on the wall."""
@@ -148,7 +148,7 @@ class Replay(Channel):
         self._now_s = min(self._now_s + passed_s * self.speed, self._times[-1])
         index = bisect.bisect_right(self._times, self._now_s) - 1
         if index <= self._index:
-            self._tell_state([])
+            self._publish_state([])
             return
         before = self._moments[self._index].traced
         passed = self._moments[self._index + 1 : index + 1]
@@ -156,14 +156,14 @@ class Replay(Channel):
         new = self._whole_trace[before : self._moments[index].traced]
         if new:
             self.publish_growth(wire.TracePiece(first=before, points_map_m=new))
-        self._tell_weeds()
-        self._tell_events()
-        if wall_s - self._receiver_told_s >= RECEIVER_S:
-            self._receiver_told_s = wall_s
-            self._tell_receiver()
-        self._tell_state([sample for moment in passed for sample in _read_state(moment).signals])
+        self._publish_weeds()
+        self._publish_events()
+        if wall_s - self._receiver_at_s >= RECEIVER_S:
+            self._receiver_at_s = wall_s
+            self._publish_receiver()
+        self._publish_state([sample for moment in passed for sample in _read_state(moment).signals])
 
-    def _tell_state(self, signals: list[wire.Sample]) -> None:
+    def _publish_state(self, signals: list[wire.Sample]) -> None:
         self.publish_state(
             msgspec.structs.replace(
                 _read_state(self._moments[self._index]),
@@ -173,7 +173,7 @@ class Replay(Channel):
             )
         )
 
-    def _tell_weeds(self) -> None:
+    def _publish_weeds(self) -> None:
         changed = [
             weed
             for weed in (_weed_known(plant, self._now_s) for plant in self._plants)
@@ -183,7 +183,7 @@ class Replay(Channel):
             self._shown_weeds.update((weed.id, weed) for weed in changed)
             self.publish_growth(wire.WeedChanges(set=changed))
 
-    def _tell_events(self) -> None:
+    def _publish_events(self) -> None:
         events = []
         while self._next_event < len(self.recorded_events):
             event = self.recorded_events[self._next_event]
@@ -194,7 +194,7 @@ class Replay(Channel):
         if events:
             self.publish_growth(wire.NewEvents(events=events))
 
-    def _tell_receiver(self) -> None:
+    def _publish_receiver(self) -> None:
         receiver = self._moments[self._index].receiver
         if receiver != self._shown_receiver:
             self._shown_receiver = receiver

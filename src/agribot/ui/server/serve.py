@@ -153,7 +153,7 @@ def _end(hub: Hub, server: uvicorn.Server) -> None:
         return
     hub.is_robot_gone = True
     for page in hub.sockets:
-        page.tell(wire.Bye(reason="the robot's program has ended"))
+        page.send(wire.Bye(reason="the robot's program has ended"))
     asyncio.get_running_loop().call_later(0.3, _close, server)
 
 
@@ -170,12 +170,12 @@ async def _watch(hub: Hub) -> None:
     while True:
         await asyncio.sleep(WATCH_S)
         hub.order(wire.Alive())
-        hub.tell_live()
+        hub.publish_live()
         hub.cut_gone_pages(time.monotonic())
         is_silent = hub.seat.is_silent(time.monotonic())
         if is_silent != was_silent:
             was_silent = is_silent
-            hub.tell_seat()
+            hub.announce_seat()
             if is_silent and hub.seat.holder:
                 hub.order(wire.OperatorLost(who=wire.Who(hub.seat.name)))
 

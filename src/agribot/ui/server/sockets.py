@@ -48,9 +48,9 @@ class Socket:
         hub = self.hub
         hub.sockets.add(self)
         hub.seat.note_life(self.session, time.monotonic())
-        self.tell(self._hello())
+        self.send(self._hello())
         self.channel.clients.add(self.client)
-        hub.tell_seat()
+        hub.announce_seat()
         sender = asyncio.create_task(self._send_all())
         try:
             await self._listen()
@@ -64,18 +64,18 @@ class Socket:
             hub.sockets.discard(self)
             self.channel.clients.discard(self.client)
             self._commands.let_go()
-            hub.tell_seat()
+            hub.announce_seat()
 
-    def tell(self, message: wire.ServerMessage) -> None:
-        self.client.tell(message)
+    def send(self, message: wire.ServerMessage) -> None:
+        self.client.send(message)
 
     def cut(self) -> None:
         """End the connection at once, whatever waits to be sent on it."""
         self._socket.scope["state"]["slot"].cut()
 
-    def tell_seat(self) -> None:
+    def send_seat(self) -> None:
         seat = self.hub.seat.seen_by(self.session, time.monotonic())
-        self.tell(
+        self.send(
             wire.SeatChange(seat=seat, holder=self.hub.seat.name, clients=len(self.hub.sockets))
         )
 
@@ -144,14 +144,14 @@ class Socket:
         except wire.BadMessage as error:
             if not error.id:
                 raise Refused(str(error)) from error
-            self.tell(wire.Verdict(id=error.id, ok=False, reason=str(error)))
+            self.send(wire.Verdict(id=error.id, ok=False, reason=str(error)))
             return
         try:
             self._commands.obey(message)
         except Refused as error:
             if not isinstance(message, wire.Request) or not message.id:
                 raise
-            self.tell(wire.Verdict(id=message.id, ok=False, reason=str(error)))
+            self.send(wire.Verdict(id=message.id, ok=False, reason=str(error)))
 
     async def _leave(self, reason: str) -> None:
         with contextlib.suppress(RuntimeError, WebSocketDisconnect):

@@ -112,7 +112,7 @@ class TopicFeeds:
                 return wire.TopicNews(note=f"{MOST_TOPICS} topics are shown already; remove one")
             self._open(name, feed)
             feed.shown.update()
-            return self._tell(name, feed, after)
+            return self._report(name, feed, after)
 
     def take_texts(self, name: str, on_text: Callable[[str], None]) -> None:
         """Hear texts on a topic from now on; once more is no more than once.
@@ -199,7 +199,7 @@ class TopicFeeds:
         except BridgeError as error:
             feed.problem = str(error)
 
-    def _tell(self, name: str, feed: _Feed, after: int) -> wire.TopicNews:
+    def _report(self, name: str, feed: _Feed, after: int) -> wire.TopicNews:
         shown = feed.shown
         note, is_stale = feed.problem or shown.note, False
         if shown.count and shown.is_silent and shown.age_s is not None:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 import msgspec
 
 from agribot.app.fault_verdict import SETTLE_S, judge_faults, name_kind
-from agribot.core.facts import Part
 from agribot.lab.bench.fault_matrix.cells import Cell
 from agribot.lab.bench.fault_matrix.driving import CellResult
 from agribot.record.events import Event
@@ -54,8 +53,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     stops_too_long: int
     over_level_s: float
     is_harmless: bool
-    accused: tuple[Part, ...]
-    blamed: tuple[Part, ...]
+    accused: tuple[str, ...]
+    blamed: tuple[str, ...]
     plants: int
     error: str
     red: tuple[str, ...] = ()
@@ -157,13 +156,13 @@ def _list_accusing(signs: Sequence[Event]) -> Iterator[Event]:
             yield event
 
 
-def _find_accused(signs: Sequence[Event], faults: Sequence[Fault]) -> tuple[Part, ...]:
+def _find_accused(signs: Sequence[Event], faults: Sequence[Fault]) -> tuple[str, ...]:
     first = next(_list_accusing(signs), None)
     faulty = {part for fault in faults for part in fault.kind.accepted}
     return first.parts if first is not None and faulty.isdisjoint(first.parts) else ()
 
 
-def _list_blamed(signs: Sequence[Event], faults: Sequence[Fault]) -> Iterator[Part]:
+def _list_blamed(signs: Sequence[Event], faults: Sequence[Fault]) -> Iterator[str]:
     faulty = {part for fault in faults for part in fault.kind.accepted}
     for event in _list_accusing(signs):
         if faulty.isdisjoint(event.parts):

@@ -1,33 +1,38 @@
-"""Print docs/firmware.md, with the table of the boards' messages as the code has it."""
+"""Print docs/board-messages.md, the messages of the boards as the code has them.
+
+`make pages` writes all such pages.
+"""
 
 from __future__ import annotations
 
 import inspect
 import re
 import sys
-from pathlib import Path
 
 from agribot.drivers.board import board_protocol as table
 from agribot.drivers.board.board_codec import FORMATS
 
-PAGE = Path(__file__).parents[1] / "docs" / "firmware.md"
-BEGIN, END = "<!-- the messages: make pages -->\n", "<!-- end of the messages -->"
+HEAD = """# Messages of the boards
 
+Written by `make pages` from the code. The robot and its [boards](firmware.md) exchange frames of
+`type u8`, `seq u8`, the fields, little-endian, and the CRC-16/XMODEM of all that, stuffed by COBS
+and ended by a zero byte. Each side counts its own frames in `seq`. A number times the scale is the
+unit ([`board_protocol.py`](../src/agribot/drivers/board/board_protocol.py)).
 
-HEAD = """
+Layout {layout:#06x}.
+
 | message | what | fields: type, scale, unit |
 |---|---|---|
-"""
+{messages}
+## Bits and numbers
+
+{numbers}"""
 
 
 def page() -> str:
-    """Make the page anew: its own words, and between the marks the table of the messages."""
-    text = PAGE.read_text(encoding="utf-8")
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
     messages = "".join(map(_write_message, table.MESSAGES))
     numbers = "\n".join(map(_write_numbers, table.NAMED_NUMBERS))
-    made = f"Layout {table.LAYOUT:#06x}.\n{HEAD}{messages}\n### Bits and numbers\n\n{numbers}"
-    return f"{before}{BEGIN}\n{made}\n{END}{after}"
+    return HEAD.format(layout=table.LAYOUT, messages=messages, numbers=numbers)
 
 
 def _write_message(message: type[table.BoardMessage]) -> str:
