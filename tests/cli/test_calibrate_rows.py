@@ -64,9 +64,9 @@ def test_pictures_without_rows_are_refused(
     [
         ([], "either --pictures DIR or --recording FILE"),
         (["--pictures", "none"], "--pictures none: holds no pictures"),
-        (["--pictures", "none", "--row-spacing", "9"], "--row-spacing 9 is out of range"),
-        (["--pictures", "none", "--row-spacing", "nan"], "--row-spacing nan is out of range"),
-        (["--pictures", "none", "--lens-deg", "5"], "--lens-deg 5 is out of range"),
+        (["--pictures", "none", "--row-spacing", "9"], "--row-spacing 9: out of range"),
+        (["--pictures", "none", "--row-spacing", "nan"], "--row-spacing nan: out of range"),
+        (["--pictures", "none", "--lens-deg", "5"], "--lens-deg 5: out of range"),
     ],
 )
 def test_what_is_missing_is_named(

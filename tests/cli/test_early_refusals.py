@@ -53,14 +53,14 @@ def test_an_absent_package_of_a_network_is_named_first(
             "gnss=gpsd: and --source gnss=tcp://rover:2947: a sensor comes from one place",
         ),
         ("run farm --source imu=dds:/imu", "write imu=ros2:/topic"),
-        ("ros2 farm --ros-domain 500", "within 0 to 232"),
-        ("run farm --source imu=ros2:/imu --ros-domain 500", "within 0 to 232"),
+        ("ros2 farm --ros-domain 500", "give 0 to 232"),
+        ("run farm --source imu=ros2:/imu --ros-domain 500", "give 0 to 232"),
         ("foxglove farm --image-rate 500", "--image-rate 500"),
         ("sim --world empty --ros1 --ros-master BAD", "ROS master BAD"),
         ("run farm --ui --tls-cert a.crt", "--tls-cert and --tls-key belong together"),
         ("run farm --ui --tls-cert a.crt --tls-key a.key", "are no certificate and its key"),
         ("run farm --ui --token-file .", "--token-file .: Is a directory"),
-        ("sim --world empty --ros2 --ros-domain -1", "within 0 to 232"),
+        ("sim --world empty --ros2 --ros-domain -1", "give 0 to 232"),
     ],
 )
 def test_an_address_that_is_none_is_refused_first(

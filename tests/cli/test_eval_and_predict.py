@@ -185,7 +185,7 @@ def test_eval_asks_which_of_two_folders_is_meant(
 ) -> None:
     folder = photo_folder(tmp_path / "photos", 1)
     assert main(["eval", str(folder), "--data-dir", str(tmp_path / "others")]) == 2
-    assert "others: give one of them" in capsys.readouterr().err
+    assert "others: two folders; give one" in capsys.readouterr().err
 
 
 def rows(path: Path) -> list[dict[str, str]]:

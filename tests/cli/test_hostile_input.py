@@ -173,7 +173,7 @@ def test_a_hostile_file_is_refused_in_one_line_that_names_it(
         ("train --out x --fold 7", "--folds"),
         ("live sim --seconds nan", "finite number"),
         ("run --for inf", "finite number"),
-        (f"run --seed {'7' * 400}", "77...: must be a whole number"),
+        (f"run --seed {'7' * 400}", "77...: not accepted; give a whole number"),
         (f"run --set seed={DIGITS}", "seed"),
         ("run --platform banana", "platform = 'banana'; known: sim"),
         ("run --set platform=banana", "platform = 'banana'; known: sim"),

@@ -19,16 +19,16 @@ from agribot.ros.nodes.plot import Plot
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("gps-converter", "--origin", "91,0"), "must be LAT,LON in degrees"),
+        (("gps-converter", "--origin", "91,0"), "--origin 91,0: not a place; give LAT,LON"),
         (("gps-converter", "--origin", "here"), "--origin here"),
         (("autonomous-drive-action",), "no goal to go to"),
         (("autonomous-drive-action", "--goal=nan,3"), "--goal nan,3"),
         (("autonomous-drive-action", "--goals", "no-such-file"), "cannot read goals"),
-        (("autonomous-drive", "--arrive", "0"), "within 0.05 to 100 m"),
-        (("autonomous-drive", "--drive-speed", "nan"), "up to 2 m/s"),
+        (("autonomous-drive", "--arrive", "0"), "give 0.05 to 100 m"),
+        (("autonomous-drive", "--drive-speed", "nan"), "give more than 0 and at most 2"),
         (("data-manipulation", "--compass-std", "-1"), "--compass-std -1"),
-        (("plot", "--for", "0"), "above 0 seconds"),
-        (("plot", "--ros-domain", "233"), "within 0 to 232"),
+        (("plot", "--for", "0"), "--for 0: out of range"),
+        (("plot", "--ros-domain", "233"), "give 0 to 232"),
     ],
 )
 def test_bad_input_is_refused_with_one_clear_line(

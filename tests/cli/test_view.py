@@ -186,7 +186,7 @@ def test_a_viewer_without_a_recording_says_what_it_needs(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert main(["view", "qgis"]) == 2
-    assert "needs a recording" in capsys.readouterr().err
+    assert "agribot view qgis: no recording" in capsys.readouterr().err
     assert main(["view", "rerun", str(tmp_path / "none.mcap"), "-o", str(tmp_path / "x.rrd")]) == 2
     assert "none.mcap" in capsys.readouterr().err
 

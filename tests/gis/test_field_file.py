@@ -360,7 +360,7 @@ def test_verify_refuses_a_plan_that_was_changed_by_hand(
     ("change", "message"),
     [
         (["--implement-width", "nan"], "--implement-width nan"),
-        (["--implement-width", "0"], "must be from 0.05"),
+        (["--implement-width", "0"], "from 0.05"),
         (["--implement-width", "1", "--start", "11.6"], "expected 2 numbers"),
         (["--implement-width", "1", "--swath-angle", "north"], "--swath-angle north"),
         (["--implement-width", "1", "--overlap", "2"], "overlap of 2 m leaves nothing"),

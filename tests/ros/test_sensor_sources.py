@@ -209,7 +209,7 @@ def test_what_is_no_topic_is_refused_before_anything_starts(
     for wrong, why in (
         ("gnss=usb:/dev/ttyUSB0", "write gnss=ros2:/topic"),
         ("gnss=ros2:", "write gnss=ros2:/topic"),
-        ("ros2:/fix", "write it as SENSOR=URI"),
+        ("ros2:/fix", "--source ros2:/fix: no URI; write SENSOR=URI"),
         ("gpss=ros2:/fix", "did you mean 'gnss'"),
     ):
         assert main(["run", "farm", "--source", wrong]) == 2

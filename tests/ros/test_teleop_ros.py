@@ -91,7 +91,7 @@ def test_a_stamped_twist_has_the_time_of_the_wall_and_the_frame_of_the_robot() -
         (("--ros1", "--rate", "8"), "at least 10 Hz"),
         (("--ros1", "nowhere"), "http://HOST:PORT"),
         (("--ros1", "--take-over"), "--take-over is for a robot with a page"),
-        (("--stamped",), "need --ros1, --ros2 or --dds"),
+        (("--stamped",), "add --ros1, --ros2 or --dds"),
     ],
     ids=["name", "rate", "master", "seat", "stray"],
 )

@@ -72,7 +72,9 @@ def test_an_address_that_is_none_is_refused_before_anybody_is_called(
     url: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["record", "start", "--url", url, "--token", "x"]) == 2
-    assert f"--url {url}: must be ws://HOST:PORT/ws/v1" in capsys.readouterr().err
+    assert (
+        f"--url {url}: not a robot's address; give ws://HOST:PORT/ws/v1" in capsys.readouterr().err
+    )
 
 
 def test_a_certificate_that_is_none_is_named(

@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Callable
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, describe_range, format_number
 
 MOST_SEED = 2**63 - 1  # largest number that JSON, TOML and NumPy all hold
 MOST_WORKERS = 1024
@@ -23,7 +23,7 @@ def number(least: float = -math.inf, most: float = math.inf) -> Callable[[str], 
             value = math.nan
         if not (math.isfinite(value) and least <= value <= most):
             raise argparse.ArgumentTypeError(
-                f"{_shorten(text)}: {_describe_range('number', least, most)}"
+                f"{_shorten(text)}: {_describe_wanted('number', least, most)}"
             )
         return value
 
@@ -37,7 +37,9 @@ def above(limit: float, most: float = math.inf) -> Callable[[str], float]:
     def read(text: str) -> float:
         value = within(text)
         if value == limit:
-            raise argparse.ArgumentTypeError(f"{_shorten(text)}: must be above {limit:g}")
+            raise argparse.ArgumentTypeError(
+                f"{_shorten(text)}: out of range; give a number above {limit:g}"
+            )
         return value
 
     return read
@@ -52,7 +54,7 @@ def whole(least: int, most: int = MOST_SEED) -> Callable[[str], int]:
         except ValueError:  # also more digits than Python reads
             value = least - 1
         if not least <= value <= most:
-            wanted = _describe_range("whole number", least, most)
+            wanted = _describe_wanted("whole number", least, most)
             raise argparse.ArgumentTypeError(f"{_shorten(text)}: {wanted}")
         return value
 
@@ -71,15 +73,37 @@ def check_workers(count: int) -> None:
 
     Raises: ConfigError: it is not from 1 to 1024.
     """
-    if not 1 <= count <= MOST_WORKERS:
-        raise ConfigError(f"--workers {count}: must be from 1 to {MOST_WORKERS}")
+    check_within("--workers", count, 1, MOST_WORKERS)
 
 
-def _describe_range(kind: str, least: float, most: float) -> str:
+def check_within(
+    name: str, value: float, least: float, most: float = math.inf, unit: str = ""
+) -> None:
+    """Refuse a value outside of its range, both ends included.
+
+    Raises: ConfigError: it is outside, or not a number.
+    """
+    if not least <= value <= most:
+        shown = _shorten(format_number(value))
+        raise ConfigError(f"{name} {shown}: {describe_range(least, most, unit)}")
+
+
+def check_above(name: str, value: float, limit: float, most: float = math.inf) -> None:
+    """Refuse a value that is not larger than the limit, or above the most.
+
+    Raises: ConfigError: it is outside, or not a number.
+    """
+    if not limit < value <= most:
+        shown = _shorten(format_number(value))
+        end = "" if most == math.inf else f" and at most {most:g}"
+        raise ConfigError(f"{name} {shown}: out of range; give more than {limit:g}{end}")
+
+
+def _describe_wanted(kind: str, least: float, most: float) -> str:
     if most in (math.inf, MOST_SEED):
         low = "" if least == -math.inf else f", at least {least:g}"
-        return f"must be a {'finite ' if kind == 'number' else ''}{kind}{low}"
-    return f"must be a {kind} from {least:g} to {most:g}"
+        return f"not accepted; give a {'finite ' if kind == 'number' else ''}{kind}{low}"
+    return f"not accepted; give a {kind} from {least:g} to {most:g}"
 
 
 def _shorten(text: str) -> str:

@@ -36,7 +36,7 @@ def find_robot(options: argparse.Namespace) -> RobotDoor:
         raise ConfigError(f"--cert {options.cert}: no such file; copy the robot's --tls-cert here")
     token = options.token or os.environ.get("AGRIBOT_TOKEN", "")
     if not token:
-        raise ConfigError("--url needs the robot's token: give --token or set AGRIBOT_TOKEN")
+        raise ConfigError("--url needs the robot's token; give --token or set AGRIBOT_TOKEN")
     return RobotDoor(url=options.url, token=token, cert=options.cert)
 
 
@@ -47,4 +47,6 @@ def _check_url(url: str) -> None:
     except ValueError:  # a port that is no number
         is_good = False
     if not is_good:
-        raise ConfigError(f"--url {url}: must be ws://HOST:PORT/ws/v1, or wss:// with TLS")
+        raise ConfigError(
+            f"--url {url}: not a robot's address; give ws://HOST:PORT/ws/v1, or wss:// with TLS"
+        )

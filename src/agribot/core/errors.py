@@ -16,6 +16,7 @@ fact, whose text is made where it is shown.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -65,6 +66,17 @@ class PlatformError(AgribotError):
 
 class EndOfRecording(PlatformError):
     pass
+
+
+def describe_range(least: float, most: float = math.inf, unit: str = "") -> str:
+    """State that a value is out of its range, and what to give: the end of a message."""
+    low, high = format_number(least), format_number(most)
+    wanted = f"at least {low}" if most == math.inf else f"{low} to {high}"
+    return f"out of range; give {wanted} {unit}".rstrip()
+
+
+def format_number(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.12g}"
 
 
 def add_advice(fact: str, advice: str) -> str:

@@ -251,11 +251,14 @@ def test_only_settings_that_the_filter_has_are_tried(tmp_path: Path, drive: Driv
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--outage", "20-10"], "--outage 20-10: write two times, as in --outage 100-160"),
-        (["--antenna", "1,2"], "--antenna 1,2: write X,Y,Z in metres"),
-        (["--imu-rpy-deg", "a,b,c"], "--imu-rpy-deg a,b,c: write R,P,Y in degrees"),
+        (["--outage", "20-10"], "--outage 20-10: not two times in order"),
+        (["--antenna", "1,2"], "--antenna 1,2: not three numbers; give X,Y,Z in metres"),
+        (
+            ["--imu-rpy-deg", "a,b,c"],
+            "--imu-rpy-deg a,b,c: not three numbers; give R,P,Y in degrees",
+        ),
         (["--robot", "agribot", "--track", "1"], "--robot brings track and radius"),
-        (["--radius", "-0.1"], "-0.1: write a number above 0"),
+        (["--radius", "-0.1"], "-0.1: out of range; give a number above 0"),
         (["--with", "estimate.gate_sigm=1"], "did you mean 'gate_sigma'"),
     ],
 )

@@ -112,8 +112,8 @@ def test_the_folder_of_another_adaptation_is_refused(
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["--minutes", "0"], "--minutes 0: must be more than 0"),
-        (["--threads", "0"], "--threads 0: must be at least 1"),
+        (["--minutes", "0"], "--minutes 0: out of range; give more than 0"),
+        (["--threads", "0"], "--threads 0: out of range; give at least 1"),
         (["-o", "field.txt"], "give a name that ends with .onnx"),
     ],
 )

@@ -169,4 +169,4 @@ def test_a_way_that_no_mission_holds_is_refused(
 ) -> None:
     for km in ("0", "1000"):
         assert main(["bench", "long", "--km", km, "--out", str(tmp_path)]) == 2
-        assert f"--km {km}: must be from" in capsys.readouterr().err
+        assert f"--km {km}: out of range; give" in capsys.readouterr().err

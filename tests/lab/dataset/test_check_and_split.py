@@ -240,7 +240,7 @@ def test_a_file_whose_name_is_no_text_is_named_and_spoils_nothing(
     status, report = checked(tmp_path, capsys)
     assert (status, report["pairs"]) == (1, 2)
     (problem,) = report["problems"]
-    assert problem["kind"] == "name is no text in UTF-8, rename it"
+    assert problem["kind"] == "name is not text in UTF-8; rename it"
     assert problem["file"] == "images/R\\udcfcbe_image.png"
     words = ["--by", "image", "--ratios", "1,1,0", "-o", str(tmp_path / "split.json")]
     assert main(["dataset", "split", str(tmp_path), *words]) == 0

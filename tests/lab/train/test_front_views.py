@@ -32,4 +32,4 @@ def test_the_same_state_gives_the_same_front_view() -> None:
 
 def test_a_count_of_front_views_below_zero_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "--front-images", "-1", "--out", "unused"]) == 2
-    assert "--front-images -1: must be 0 or more images" in capsys.readouterr().err
+    assert "--front-images -1: out of range; give at least 0" in capsys.readouterr().err

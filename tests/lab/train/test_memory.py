@@ -78,7 +78,7 @@ def test_normalisations_keep_their_statistics_where_they_are_to(tmp_path: Path) 
     [
         (("--keep-norms",), "--keep-norms: keeps those of --start"),
         (("--remember", "1"), "--remember 1: is for photographs"),
-        (("--remember", "-1"), "--remember -1: must be 0 or more"),
+        (("--remember", "-1"), "--remember -1: out of range; give at least 0"),
     ],
 )
 def test_nothing_is_kept_where_there_is_nothing_to_keep(

@@ -69,7 +69,7 @@ def test_pictures_of_another_shape_are_learnt_as_the_network_sees_them() -> None
     ("words", "reason"),
     [
         (("--with", "cwfid=photos"), "--with cwfid=photos: adds to"),
-        (("--drawn-share", "1"), "--drawn-share 1: must be"),
+        (("--drawn-share", "1"), "--drawn-share 1: out of range"),
         (("--data", "folder", "--data-dir", "x", "--with", "photos"), "write KIND=FOLDER"),
     ],
 )

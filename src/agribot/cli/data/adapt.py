@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from agribot.cli.output_names import check_ending
-from agribot.cli.ranges import finite, seed
+from agribot.cli.ranges import check_above, check_within, finite, seed
 from agribot.core.config import DEFAULT_MODEL
-from agribot.core.errors import ConfigError
 
 MINUTES = 10.0  # minutes of CPU time
 
@@ -62,11 +61,10 @@ def run(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> None:
     check_ending("-o", options.out, "a network", ".onnx")
     options.out = options.out.with_suffix(".onnx")
-    if options.minutes <= 0.0:
-        raise ConfigError(f"--minutes {options.minutes:g}: must be more than 0")
+    check_above("--minutes", options.minutes, 0.0)
     for name in ("steps", "threads"):
-        if getattr(options, name) is not None and getattr(options, name) < 1:
-            raise ConfigError(f"--{name} {getattr(options, name)}: must be at least 1")
+        if getattr(options, name) is not None:
+            check_within(f"--{name}", getattr(options, name), 1)
 
 
 def _print_line(text: str) -> None:

@@ -23,9 +23,9 @@ from agribot.cli.data.dataset_check import (
 from agribot.cli.data.dataset_import import add_import, import_files
 from agribot.cli.data.dataset_rows import add_label_by_rows, label_by_rows
 from agribot.cli.output_names import check_ending
-from agribot.cli.ranges import seed
+from agribot.cli.ranges import check_within, seed
 from agribot.cli.stopping import stop_on_signal
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import RecordingError
 from agribot.core.whole_file import write_at_once
 
 LARGEST_SIDE_PX = 8192
@@ -99,8 +99,7 @@ def _split(options: argparse.Namespace) -> int:
     from agribot.lab.dataset.split import PARTS, read_ratios, split
 
     ratios = read_ratios(options.ratios)
-    if options.seed < 0:
-        raise ConfigError(f"--seed {options.seed}: must be at least 0")
+    check_within("--seed", options.seed, 0)
     check_ending("-o", options.out, "JSON", ".json")
     layout = find_layout_of(options)
     result = split(layout, options.by, ratios, options.seed)
@@ -194,7 +193,4 @@ def _check_ranges(options: argparse.Namespace) -> None:
         "workers": (1, 1024),
     }
     for name, (least, most) in limits.items():
-        value = getattr(options, name)
-        if not least <= value <= most:
-            wanted = f"from {least} to {most}" if most < math.inf else f"at least {least}"
-            raise ConfigError(f"--{name} {value}: must be {wanted}")
+        check_within(f"--{name}", getattr(options, name), least, most)

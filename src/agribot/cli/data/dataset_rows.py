@@ -10,6 +10,7 @@ from typing import Any
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
+from agribot.cli.ranges import check_within
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError
 
@@ -57,8 +58,8 @@ def label_by_rows(options: argparse.Namespace) -> int:
     """Raise: AgribotError: recordings or photographs that cannot teach."""
     from agribot.app.run_recording import find_recording
 
-    if options.pitch is not None and not 0.2 <= options.pitch <= 5.0:
-        raise ConfigError(f"--pitch {options.pitch:g}: must be from 0.2 to 5 m")
+    if options.pitch is not None:
+        check_within("--pitch", options.pitch, 0.2, 5.0, "m")
     if any(not path.is_dir() or find_recording(path).exists() for path in options.sources):
         if options.model or options.rows:
             raise ConfigError(

@@ -100,10 +100,12 @@ def run(args: argparse.Namespace) -> int:
 def _find_folder(args: argparse.Namespace) -> Path:
     """Raise: ConfigError: none is given, or two are."""
     if args.folder and args.data_dir:
-        raise ConfigError(f"{args.folder} and --data-dir {args.data_dir}: give one of them")
+        raise ConfigError(f"{args.folder} and --data-dir {args.data_dir}: two folders; give one")
     folder: Path | None = args.folder or args.data_dir
     if folder is None:
-        raise ConfigError("give the folder of images and masks: agribot eval FOLDER --model NAME")
+        raise ConfigError(
+            "agribot eval: no folder; give that of images and masks, agribot eval FOLDER"
+        )
     return folder
 
 

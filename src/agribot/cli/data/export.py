@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from agribot.cli.ids_option import add_ids_option
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_within, finite
 from agribot.cli.standard_error import print_line
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import ByteArray
@@ -61,9 +61,9 @@ def run(args: argparse.Namespace) -> int:
     from agribot.lab.train.networks import open_network, write_network
 
     if args.out.suffix != ".onnx":
-        raise ConfigError(f"-o {args.out}: the file must end in .onnx")
+        raise ConfigError(f"-o {args.out}: not a name of a network; end it with .onnx")
     if args.precision == "int8" and args.calibrate is None:
-        raise ConfigError("--precision int8 needs --calibrate FOLDER with pictures to set ranges")
+        raise ConfigError("--precision int8: needs pictures to set ranges; give --calibrate FOLDER")
     args.out.parent.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
     if args.auto:
@@ -103,8 +103,7 @@ def _export_automatically(args: argparse.Namespace, problems: list[str]) -> int:
             "--auto chooses size and precision by --judge FOLDER, labelled pictures that the "
             "network was not trained on; give that, and neither --size nor --precision"
         )
-    if args.most_loss < 0.0:
-        raise ConfigError(f"--most-loss {args.most_loss}: must be at least 0")
+    check_within("--most-loss", args.most_loss, 0.0)
     source = model_path(args.model)
     pictures = None
     if args.calibrate and not Segmenter(source).finds_plants:

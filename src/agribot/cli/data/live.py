@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from agribot.cli.data.live_overlay import draw_notice, draw_overlay
 from agribot.cli.data.newest_frame import EveryFrame, Frames, FrameSource, NewestFrame
-from agribot.cli.ranges import finite, port, seed, threads, whole
+from agribot.cli.ranges import check_above, finite, port, seed, threads, whole
 from agribot.cli.standard_error import print_line
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.config import DEFAULT_MODEL
@@ -97,8 +97,9 @@ def run(args: argparse.Namespace) -> int:
 
     Raises: ConfigError: an option out of range; PerceptionError: the source does not open.
     """
-    if args.patience <= 0.0 or (args.seconds is not None and args.seconds <= 0.0):
-        raise ConfigError("--seconds and --patience must be more than 0")
+    check_above("--patience", args.patience, 0.0)
+    if args.seconds is not None:
+        check_above("--seconds", args.seconds, 0.0)
     from agribot.lab.train.networks import open_network
 
     segmenter = open_network(args.model, args.threads, args.size, args.provider)

@@ -86,7 +86,7 @@ def _read_length(text: str) -> float:
         value = float(text)
         if math.isfinite(value) and value > 0.0:
             return value
-    raise argparse.ArgumentTypeError(f"{text}: write a number above 0")
+    raise argparse.ArgumentTypeError(f"{text}: out of range; give a number above 0")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -151,7 +151,7 @@ def _read_three(option: str, text: str | None, what: str) -> Vec3 | None:
         x, y, z = (float(word) for word in text.split(","))
         if math.isfinite(x + y + z):
             return x, y, z
-    raise ConfigError(f"{option} {text}: write {what}, as in {option} 0.1,0,0.5")
+    raise ConfigError(f"{option} {text}: not three numbers; give {what}, as in {option} 0.1,0,0.5")
 
 
 def _read_outage(text: str) -> tuple[float, float]:
@@ -159,7 +159,7 @@ def _read_outage(text: str) -> tuple[float, float]:
         from_s, to_s = (float(word) for word in text.split("-"))
         if math.isfinite(from_s + to_s) and from_s < to_s:
             return from_s, to_s
-    raise ConfigError(f"--outage {text}: write two times, as in --outage 100-160")
+    raise ConfigError(f"--outage {text}: not two times in order; write --outage 100-160")
 
 
 def _print_facts(study: Study) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from agribot.cli.data.result_names import is_video, list_frames, name_results
-from agribot.cli.ranges import above, threads
+from agribot.cli.ranges import above, check_within, threads
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import AgribotError, ConfigError, RecordingError
 from agribot.core.fact_text import render
@@ -154,9 +154,8 @@ def _list_kinds(args: argparse.Namespace) -> tuple[str, ...]:
     kinds = tuple(args.only.split(",")) if args.only else KINDS
     unknown = set(kinds) - set(KINDS)
     if unknown:
-        raise ConfigError(f"--only {args.only}: choose from {', '.join(KINDS)}")
-    if args.least_px < 1:
-        raise ConfigError(f"--least-px {args.least_px}: must be at least 1")
+        raise ConfigError(f"--only {args.only}: unknown; choose from {', '.join(KINDS)}")
+    check_within("--least-px", args.least_px, 1)
     return kinds
 
 

@@ -18,7 +18,7 @@ from agribot.cli.data.train_options import (
 )
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.misplaced_option import add_misplaced_option
-from agribot.cli.ranges import finite, seed
+from agribot.cli.ranges import check_above, check_within, finite, seed
 from agribot.core.errors import ConfigError
 from agribot.lab.train.networks import STRIDE_PX, read_size
 
@@ -210,21 +210,17 @@ def _blend(network: Any, args: argparse.Namespace, source: Any) -> Any:
 
 def _check(args: argparse.Namespace) -> None:
     read_size(args.size, STRIDE_PX)
-    if args.fold is not None and not 0 <= args.fold < args.folds:
-        raise ConfigError(f"--fold {args.fold}: must be from 0 to {args.folds - 1}, of --folds")
+    if args.fold is not None:
+        check_within("--fold", args.fold, 0, args.folds - 1, "of --folds")
     for option in ("images", "test_images", "threads", "train_width", "crop_px", "batch_size"):
-        if getattr(args, option) < 1:
-            flag = option.replace("_", "-")
-            raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
+        check_within(f"--{option.replace('_', '-')}", getattr(args, option), 1)
     if args.crop_px % STRIDE_PX:
-        raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
+        raise ConfigError(f"--crop-px {args.crop_px}: out of step; give a multiple of {STRIDE_PX}")
     check_drawn_options(args)
-    if args.steps is not None and args.steps < 1:
-        raise ConfigError(f"--steps is {args.steps}; it must be at least 1")
-    if not 0 <= args.workers <= MOST_WORKERS:
-        raise ConfigError(f"--workers {args.workers}: must be from 0 to {MOST_WORKERS}")
-    if args.minutes <= 0.0:
-        raise ConfigError(f"--minutes is {args.minutes}; it must be more than 0")
+    if args.steps is not None:
+        check_within("--steps", args.steps, 1)
+    check_within("--workers", args.workers, 0, MOST_WORKERS)
+    check_above("--minutes", args.minutes, 0.0)
     if (args.data == "sim") != (args.data_dir is None):
         raise ConfigError(
             f"--data {args.data} "
@@ -236,7 +232,7 @@ def _check(args: argparse.Namespace) -> None:
         )
     _check_mix(args)
     if args.scores_from and (args.data == "sim" or args.fold is not None):
-        raise ConfigError("--scores-from is for photographs without --fold: this training has none")
+        raise ConfigError("--scores-from is for photographs without --fold; leave it out")
     _fill_in_names(args)
     check_recipe_options(args)
 
@@ -249,7 +245,9 @@ def _check_mix(args: argparse.Namespace) -> None:
             "as --data and --data-dir, and drawn images as --with-sim N"
         )
     if not 0.0 < args.drawn_share < 1.0:
-        raise ConfigError(f"--drawn-share {args.drawn_share:g}: must be more than 0 and below 1")
+        raise ConfigError(
+            f"--drawn-share {args.drawn_share:g}: out of range; give more than 0 and below 1"
+        )
 
 
 def _fill_in_names(args: argparse.Namespace) -> None:
@@ -282,7 +280,7 @@ def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
     from agribot.lab.train.fit import count_steps_within, load_checkpoint
 
     if group.size > 1 and args.steps is None:
-        raise ConfigError(f"{group.size} processes train together: give --steps, not --minutes")
+        raise ConfigError(f"{group.size} processes train together; give --steps, not --minutes")
     plan = msgspec.structs.replace(
         source.recipe,
         steps=args.steps or 1000,

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_above, check_within, finite
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 
@@ -108,16 +108,11 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     if args.class_weights is not None and not args.weighting:
         args.asked["class_weights"] = read_class_weights(args.class_weights)
     if args.learning_rate is not None:
-        if not 0.0 < args.learning_rate <= HIGHEST_RATE:
-            raise ConfigError(
-                f"--learning-rate {args.learning_rate}: must be more than 0 and at most "
-                f"{HIGHEST_RATE}"
-            )
+        check_above("--learning-rate", args.learning_rate, 0.0, HIGHEST_RATE)
         args.asked["learning_rate"] = args.learning_rate
     if args.validate is None:
         args.validate = VALIDATION_VIEWS if args.data == "sim" else 0
-    if args.validate < 0:
-        raise ConfigError(f"--validate {args.validate}: must be 0 or more pictures")
+    check_within("--validate", args.validate, 0)
     usual = IMAGENET if find_architecture(args.model).load_imagenet else RANDOM
     wanted = args.start or usual
     args.is_imagenet = wanted == IMAGENET
@@ -144,15 +139,17 @@ def _check_blend(args: argparse.Namespace) -> None:
 
     Raises: ConfigError: no share of the way, or nothing to begin at.
     """
-    if not 0.0 < args.blend <= 1.0:
-        raise ConfigError(f"--blend {args.blend}: must be more than 0 and at most 1")
+    check_above("--blend", args.blend, 0.0, 1.0)
     if args.blend < 1.0 and args.start is None and args.blend_with is None:
         raise ConfigError(
             f"--blend {args.blend}: is between the weights that the training begins with and what "
             "it learns; give --start MODEL or --blend-with MODEL, or leave it out"
         )
     if args.blend_with is not None and args.blend == 1.0:
-        raise ConfigError("--blend-with: how far from there? give --blend SHARE, or leave both")
+        raise ConfigError(
+            "--blend-with needs the share of the way from there; give --blend SHARE, or leave "
+            "both out"
+        )
 
 
 def _check_memory(args: argparse.Namespace) -> None:
@@ -164,8 +161,7 @@ def _check_memory(args: argparse.Namespace) -> None:
 
     if args.keep_norms and args.start is None:
         raise ConfigError("--keep-norms: keeps those of --start MODEL; give it, or leave both out")
-    if args.remember < 0.0:
-        raise ConfigError(f"--remember {args.remember:g}: must be 0 or more")
+    check_within("--remember", args.remember, 0.0)
     if args.remember and (args.data == "sim" or not find_architecture(args.model).finds_plants):
         raise ConfigError(
             f"--remember {args.remember:g}: is for photographs with drawn images beside them; give "
@@ -250,8 +246,8 @@ def read_class_weights(text: str) -> tuple[float, float, float]:
         weights = []
     if len(weights) != len(PlantClass) or not all(0.0 < one < math.inf for one in weights):
         raise ConfigError(
-            f"--class-weights {text}: write three numbers above 0, of weed, crop and soil, "
-            "such as 1,2,0.6, or auto, median-frequency, inverse-frequency or inverse-root"
+            f"--class-weights {text}: not weights; give three numbers above 0, of weed, crop and "
+            "soil, as in 1,2,0.6, or auto, median-frequency, inverse-frequency or inverse-root"
         )
     weed, crop, soil = weights
     return weed, crop, soil
@@ -328,18 +324,15 @@ def check_drawn_options(args: argparse.Namespace) -> None:
             f"--usual-images {args.usual_images}: a number of images to add to those of another "
             "--variety; leave it out with standard"
         )
-    if args.seedling_images < 0:
-        raise ConfigError(f"--seedling-images {args.seedling_images}: must be 0 or more images")
-    if args.front_images < 0:
-        raise ConfigError(f"--front-images {args.front_images}: must be 0 or more images")
+    check_within("--seedling-images", args.seedling_images, 0)
+    check_within("--front-images", args.front_images, 0)
     if args.row_images is None:
         args.row_images = args.images // 2
     if args.turn_images is None:
         args.turn_images = args.images // 6
     for option in ("row_images", "turn_images"):
-        if not 0 <= (count := getattr(args, option)) <= args.images:
-            flag = option.replace("_", "-")
-            raise ConfigError(f"--{flag} {count}: must be from 0 to --images")
+        flag = f"--{option.replace('_', '-')}"
+        check_within(flag, getattr(args, option), 0, args.images, "(--images)")
     if (on_robot := args.row_images + args.turn_images) > args.images:
         raise ConfigError(
             f"--row-images and --turn-images ask for {on_robot} of the {args.images} of --images; "

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from agribot.cli.ranges import check_within
 from agribot.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace) -> int:
     if options.out.suffix.lower() not in {".html", ".htm"}:
-        raise ConfigError(f"-o {options.out}: a report is a page that ends with .html")
+        raise ConfigError(f"-o {options.out}: not a name of a page; end it with .html")
     from agribot.autonomy.weeds.plant_table import move_to_datum
     from agribot.record.weed_page import write_weed_report
 
@@ -143,7 +144,7 @@ def _check_output(options: argparse.Namespace) -> None:
 
     if _is_isoxml(options):
         if options.out.suffix != ".zip":
-            raise ConfigError(f"-o {options.out}: task data is an archive that ends with .zip")
+            raise ConfigError(f"-o {options.out}: not a name of an archive; end it with .zip")
     elif options.format is None:
         find_suffix(options.out)
     elif options.out.suffix and options.out.suffix != SUFFIXES[options.format]:
@@ -164,8 +165,7 @@ def _write_tasks(options: argparse.Namespace, table: PlantTable) -> None:
     limits = {"--rate": (options.rate, 0.0, 1e5), "--cell": (options.cell, 0.05, 100.0),
               "--margin": (options.margin, 0.0, 10.0)}  # fmt: skip
     for name, (value, low, high) in limits.items():
-        if not low <= value <= high:
-            raise ConfigError(f"{name} {value:g}: must be from {low:g} to {high:g}")
+        check_within(name, value, low, high)
     began = _read_time(options, table)
     write_tasks(
         options.out, table,
@@ -183,7 +183,7 @@ def _read_time(options: argparse.Namespace, table: PlantTable) -> datetime:
             return began.astimezone(UTC) if began.tzinfo else began.replace(tzinfo=UTC)
         except (ValueError, OverflowError) as error:
             raise ConfigError(
-                f"--began {options.began}: write a date and a time in UTC, 2026-05-04T07:30"
+                f"--began {options.began}: not a time; give it in UTC, as in 2026-05-04T07:30"
             ) from error
     times_s = table.rows["last_seen_s"]
     source = Path(options.source.partition("=")[2] or options.source)
@@ -222,7 +222,7 @@ def _read_classes(text: str | None) -> dict[str, str]:
     classes = dict(pair.partition("=")[::2] for pair in (text or "").split(",") if pair)
     wrong = [value for value in classes.values() if value not in {"weed", "crop"}]
     if wrong:
-        raise ConfigError(f"--classes {text}: write VALUE=weed or VALUE=crop, with commas between")
+        raise ConfigError(f"--classes {text}: not classes; write VALUE=weed,VALUE=crop")
     return {key.strip().lower(): value for key, value in classes.items()}
 
 

@@ -87,7 +87,7 @@ def _import(options: argparse.Namespace, folder: Path, troubles: list[str]) -> d
     is_url = "://" in options.source
     name = options.name or ("" if is_url else Path(options.source).stem)
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"--name '{name}': give one of letters, digits and . _ -, at most 63")
+        raise ConfigError(f"--name '{name}': not a name; use letters, digits and . _ -, at most 63")
     target = folder / f"{name}.mbtiles"
     if is_url:
         troubles += _import_from_server(options, target)
@@ -105,8 +105,8 @@ def _import(options: argparse.Namespace, folder: Path, troubles: list[str]) -> d
     if suffix in _RASTERS:
         return _convert(source, target, raster_import.import_geotiff)
     raise ConfigError(
-        f"{source.name}: only .mbtiles, .pmtiles, .geo, {', '.join(_RASTERS)} and URLs with "
-        "{z}, {x} and {y} can be imported"
+        f"{source.name}: unknown format; give .mbtiles, .pmtiles, .geo, {', '.join(_RASTERS)} or "
+        "a URL with {z}, {x} and {y}"
     )
 
 
@@ -131,7 +131,7 @@ def _import_from_server(options: argparse.Namespace, target: Path) -> list[str]:
         map_import.register_server(options.source, target, zooms, options.attribution)
         return []
     if options.bbox is None:
-        raise ConfigError("a URL needs --bbox W,S,E,N, the region to fetch, or --live")
+        raise ConfigError("a URL needs a region to fetch; give --bbox W,S,E,N, or --live")
     bounds = parse_bounds(options.bbox)
     missing = map_import.import_from_server(
         options.source, target, bounds, zooms, options.attribution, _show_progress
@@ -148,7 +148,7 @@ def _parse_zooms(text: str) -> tuple[int, int]:
         first, _, last = text.partition("-")
         return int(first), int(last or first)
     except ValueError as error:
-        raise ConfigError(f"--zoom {text}: write two numbers, as in 15-20") from error
+        raise ConfigError(f"--zoom {text}: not two numbers; write them as in 15-20") from error
 
 
 def _remove(name: str, folder: Path) -> list[dict[str, Any]]:

@@ -121,7 +121,7 @@ def _generate(options: argparse.Namespace) -> int:
 
     field, out = Path(options.field), Path(options.out)
     if out.suffix not in {".world", ".sdf"}:
-        raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
+        raise DescriptionError(f"-o {out}: not a name of a world; end it with .world or .sdf")
     plan = read_field_settings(field)
     for unknown in _name_unknown_species([plan.crop.species, *plan.weeds.species]):
         raise DescriptionError(f"{field.name}: {unknown}")
@@ -218,7 +218,7 @@ def _write_map(options: argparse.Namespace) -> int:
 
     out = Path(options.out)
     if out.suffix not in MAP_SUFFIXES:
-        raise DescriptionError(f"-o {out}: name a file that ends in .yaml or .yml")
+        raise DescriptionError(f"-o {out}: not a name of a map; end it with .yaml or .yml")
     ros_map = _make_map(options)
     save_ros_map(ros_map, out)
     _print_map(str(out), ros_map, options.json)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from agribot.cli.ranges import finite, port
+from agribot.cli.ranges import check_within, finite, port
 from agribot.cli.run.noise_bridging import open_noise_servers
 from agribot.core import extras, topics
 from agribot.core.config import RunConfig
@@ -296,8 +296,7 @@ def list_out_topics(
 
 
 def _check_image_rate(options: argparse.Namespace) -> None:
-    if not 0.0 <= options.image_rate <= 100.0:
-        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
+    check_within("--image-rate", options.image_rate, 0.0, 100.0, "Hz")
 
 
 def _open_ros2(
@@ -354,8 +353,7 @@ def read_domain(options: argparse.Namespace) -> int:
             asked = int(text)
         except ValueError:
             raise ConfigError(f"ROS_DOMAIN_ID is '{text}'; it must be a number") from None
-    if not 0 <= asked <= 232:
-        raise ConfigError(f"ROS domain {asked}: must be within 0 to 232")
+    check_within("ROS domain", asked, 0, 232)
     return asked
 
 
@@ -380,7 +378,7 @@ def read_namespace(options: argparse.Namespace) -> str:
         return ""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", space):
         raise ConfigError(
-            f"--ros-namespace {text}: write a name of letters, digits and _, such as robot1"
+            f"--ros-namespace {text}: not a name of ROS; use letters, digits and _, as in robot1"
         )
     if not options.ros1:
         raise ConfigError("--ros-namespace is for --ros1; give robots of ROS 2 a --ros-domain each")

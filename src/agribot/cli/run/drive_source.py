@@ -105,8 +105,8 @@ def parse_constant(text: str) -> ConstantTwist:
     numbers = _parse_numbers(text)
     if numbers is None or len(numbers) != 2:
         raise ConfigError(
-            f"--drive {text}: give forward speed and yaw rate, --drive=V,YAW_RATE in m/s and "
-            "rad/s, for example --drive=0.4,0.1"
+            f"--drive {text}: not two numbers; give forward speed and yaw rate in m/s and rad/s, "
+            "as in --drive=0.4,0.1"
         )
     return ConstantTwist(DriveCommand(v_mps=numbers[0], yaw_rate_radps=numbers[1]))
 

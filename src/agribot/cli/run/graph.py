@@ -74,7 +74,9 @@ def _find_kind(options: argparse.Namespace) -> str:
         return asked or "txt"
     ending = Path(options.out).suffix
     if ending not in ENDINGS:
-        raise ConfigError(f"--out {options.out}: end it with one of {', '.join(ENDINGS)}")
+        raise ConfigError(
+            f"--out {options.out}: unknown format; end it with one of {', '.join(ENDINGS)}"
+        )
     return ending.removeprefix(".")
 
 

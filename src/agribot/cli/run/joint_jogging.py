@@ -56,7 +56,7 @@ def open_jogger(options: argparse.Namespace, hand: TableHand) -> ExitStack:
         _check_step(step, limits, options.description)
     if options.joints is None:
         raise ConfigError(
-            f"{hand.steps[0].name} moves joints: say over which network with --joints ({ROUTES})"
+            f"{hand.steps[0].name} moves joints; name their network with --joints ({ROUTES})"
         )
     scheme, connection = _connect(options.joints)
     opened.callback(connection.close)
@@ -81,7 +81,7 @@ def _connect(route: str) -> tuple[str, JogConnection]:
     scheme, _, rest = route.partition(":")
     at = rest.removeprefix("//").strip("/")
     if scheme not in COMMANDS or (rest and not rest.startswith("//")):
-        raise ConfigError(f"--joints {route}: write {ROUTES}")
+        raise ConfigError(f"--joints {route}: not a network; give {ROUTES}")
     options = argparse.Namespace(ros_domain=None, ros_router=None, ros_master=None)
     from agribot.cli.run.bridging import read_domain, read_master, read_router
 

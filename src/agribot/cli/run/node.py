@@ -16,7 +16,7 @@ from agribot.autonomy.control.go_to_goal import GoToGoal, GoToGoalSettings
 from agribot.autonomy.estimate.sensors.compass_heading import CompassHeading
 from agribot.autonomy.estimate.sensors.pole_origin import PoleOrigin
 from agribot.autonomy.plan.ways.waypoints import parse_waypoints
-from agribot.cli.ranges import port
+from agribot.cli.ranges import check_above, check_within, port
 from agribot.cli.run.bridging import (
     add_ros1_arguments,
     add_ros2_arguments,
@@ -124,8 +124,7 @@ def _add_utm_arguments(grid: argparse._ArgumentGroup) -> None:
 
 def run(options: argparse.Namespace) -> int:
     duration_s = math.inf if options.duration_s is None else options.duration_s
-    if not duration_s > 0.0:
-        raise ConfigError(f"--for {duration_s:g}: must be above 0 seconds")
+    check_above("--for", duration_s, 0.0)
     stage = _STAGES[options.node](options)
     started_s = time.monotonic()
     with stop_on_signal() as stop:
@@ -198,10 +197,8 @@ def _make_gps_converter(options: argparse.Namespace) -> NodeStage:
 def _make_data_manipulation(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.data_manipulation import DataManipulation
 
-    if not 0.0 < options.compass_std <= 90.0:
-        raise ConfigError(f"--compass-std {options.compass_std:g}: must be above 0, up to 90")
-    if not abs(options.declination) <= 180.0:
-        raise ConfigError(f"--declination {options.declination:g}: must be within -180 to 180")
+    check_above("--compass-std", options.compass_std, 0.0, 90.0)
+    check_within("--declination", options.declination, -180.0, 180.0)
     return DataManipulation(
         CompassHeading(math.radians(options.declination), math.radians(options.compass_std))
     )
@@ -210,8 +207,7 @@ def _make_data_manipulation(options: argparse.Namespace) -> NodeStage:
 def _make_autonomous_drive(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive import AutonomousDrive
 
-    if not 0.0 < options.drive_speed <= 2.0:
-        raise ConfigError(f"--drive-speed {options.drive_speed:g}: must be above 0, up to 2 m/s")
+    check_above("--drive-speed", options.drive_speed, 0.0, 2.0)
     settings = GoToGoalSettings(
         speed_mps=options.drive_speed,
         slow_speed_mps=options.drive_speed / 2.0,
@@ -239,8 +235,7 @@ def _make_action(options: argparse.Namespace) -> NodeStage:
 
 
 def _read_arrive_m(options: argparse.Namespace) -> float:
-    if not 0.05 <= options.arrive <= 100.0:
-        raise ConfigError(f"--arrive {options.arrive:g}: must be within 0.05 to 100 m")
+    check_within("--arrive", options.arrive, 0.05, 100.0, "m")
     return float(options.arrive)
 
 
@@ -279,7 +274,9 @@ def _read_utm_settings(options: argparse.Namespace) -> UtmSettings:
     from agribot.ros.nodes.gps_umd import UtmSettings
 
     if not 0.0 <= options.rot_covariance < math.inf:
-        raise ConfigError(f"--rot-covariance {options.rot_covariance:g}: must be 0 or more rad^2")
+        raise ConfigError(
+            f"--rot-covariance {options.rot_covariance:g}: out of range; give 0 or more rad^2"
+        )
     zone = parse_zone(options.zone) if options.zone else None
     return UtmSettings(
         options.frame_id, options.child_frame_id, options.rot_covariance, options.append_zone, zone
@@ -310,7 +307,9 @@ def _parse_place(text: str, option: str) -> tuple[float, float]:
     except ValueError:
         lat_deg = lon_deg = math.nan
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        raise ConfigError(f"{option} {text}: must be LAT,LON in degrees, like 21.1613,72.7870")
+        raise ConfigError(
+            f"{option} {text}: not a place; give LAT,LON in degrees, as in 21.1613,72.7870"
+        )
     return lat_deg, lon_deg
 
 

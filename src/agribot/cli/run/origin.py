@@ -139,7 +139,7 @@ def _parse_place(text: str) -> Datum:
         return msgspec.convert(tree, Datum)
     except (ValueError, msgspec.ValidationError) as error:
         raise ConfigError(
-            f"--origin {text}: write LAT,LON or LAT,LON,ALT in degrees and m, as in 48.1,11.5"
+            f"--origin {text}: not a place; give LAT,LON or LAT,LON,ALT, as in 48.1,11.5"
         ) from error
 
 

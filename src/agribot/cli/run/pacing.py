@@ -21,8 +21,8 @@ def parse_pace(text: str) -> float:
         pace = math.nan
     if not pace > 0:
         raise ConfigError(
-            f"--speed {text}: must be a number above 0 (1 is real time) or 'max', "
-            "as fast as possible"
+            f"--speed {text}: not a speed; give a number above 0 (1 is real time), or 'max' for as "
+            "fast as possible"
         )
     return pace
 

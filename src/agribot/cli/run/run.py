@@ -227,7 +227,7 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
     """
     if config.sources.base and find_platform(config.platform).is_simulated:
         raise ConfigError(
-            "--source base= is the motor board of a real robot: add --platform hardware, or leave "
+            "--source base= is the motor board of a real robot; add --platform hardware, or leave "
             "it out"
         )
     if has_page(options):

@@ -46,7 +46,7 @@ def read_source_settings(options: argparse.Namespace) -> list[str]:
         sensor, is_given, uri = text.partition("=")
         sensor = sensor.strip()
         if not is_given:
-            raise ConfigError(f"--source {text}: write it as SENSOR=URI, like gnss=ros2:/fix")
+            raise ConfigError(f"--source {text}: no URI; write SENSOR=URI, as in gnss=ros2:/fix")
         if sensor in uris:
             raise ConfigError(
                 f"--source {sensor}={uris[sensor]} and --source {sensor}={uri}: a sensor comes "

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_within, finite
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.run import teleop_ros
 from agribot.cli.run.joint_jogging import add_joint_arguments, open_jogger
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     rates = _read_rates(options)
     if options.joints is not None and options.config is None:
-        raise ConfigError("--joints is for a joystick with a table: give --config")
+        raise ConfigError("--joints is for a joystick with a table; give --config")
     hand = _choose_hand(options, rates) if options.device == "joystick" else None
     if teleop_ros.is_wanted(options):
         return teleop_ros.run(
@@ -128,7 +128,9 @@ def _read_rates(options: argparse.Namespace) -> HandRates:
     if options.config is not None and options.device != "joystick":
         raise ConfigError(f"--config is for a joystick, not for {options.device}; leave it out")
     if not 0.0 <= options.dead_zone < 1.0:
-        raise ConfigError(f"--dead-zone {options.dead_zone:g}: must be at least 0 and below 1")
+        raise ConfigError(
+            f"--dead-zone {options.dead_zone:g}: out of range; give at least 0 and below 1"
+        )
     numbers = {
         "--scale": (options.scale, 1.0),
         "--forward": (options.forward, 2.0),
@@ -137,10 +139,8 @@ def _read_rates(options: argparse.Namespace) -> HandRates:
         "--hold": (options.hold, 1.0),
     }
     for name, (value, limit) in numbers.items():
-        if not 0.0 <= value <= limit:
-            raise ConfigError(f"{name} {value:g}: must be between 0 and {limit:g}")
-    if not 5.0 <= options.rate_hz <= 50.0:
-        raise ConfigError(f"--rate {options.rate_hz:g}: must be between 5 and 50 Hz")
+        check_within(name, value, 0.0, limit)
+    check_within("--rate", options.rate_hz, 5.0, 50.0, "Hz")
     return HandRates(
         forward_mps=options.forward,
         backward_mps=options.backward,
@@ -264,12 +264,12 @@ def _choose_hand(options: argparse.Namespace, rates: HandRates) -> StickHand | T
     """
     if options.config is not None:
         if options.deadman is not None or options.axes is not None:
-            raise ConfigError("--config has buttons and axes of its own: drop --deadman and --axes")
+            raise ConfigError("--config has buttons and axes of its own; drop --deadman and --axes")
         return read_table(Path(options.config), options.scale, options.dead_zone)
     axes = options.axes or AXES
     try:
         forward_axis, left_axis = (int(axis) for axis in axes.split(","))
     except ValueError as error:
-        raise ConfigError(f"--axes {axes}: write two numbers, as in {AXES}") from error
+        raise ConfigError(f"--axes {axes}: not two numbers; write them as in {AXES}") from error
     deadman = DEADMAN if options.deadman is None else options.deadman
     return StickHand(rates, deadman, forward_axis, left_axis, options.dead_zone)

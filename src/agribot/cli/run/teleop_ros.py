@@ -64,11 +64,13 @@ def is_wanted(options: argparse.Namespace) -> bool:
             )
         if options.rate_hz < MIN_RATE_HZ:
             raise ConfigError(
-                f"--rate {options.rate_hz:g}: on a topic of ROS it must be at least "
-                f"{MIN_RATE_HZ:g} Hz, or robots stop between two twists"
+                f"--rate {options.rate_hz:g}: robots stop between two twists of a topic of ROS; "
+                f"give at least {MIN_RATE_HZ:g} Hz"
             )
     elif options.topic or options.stamped or options.ros_domain is not None:
-        raise ConfigError("--topic, --stamped and --ros-domain need --ros1, --ros2 or --dds")
+        raise ConfigError(
+            "--topic, --stamped and --ros-domain are for ROS; add --ros1, --ros2 or --dds"
+        )
     return bool(is_ros)
 
 

@@ -169,7 +169,7 @@ def _play(recording: Path, options: argparse.Namespace) -> None:
 
 def _find_recording(options: argparse.Namespace) -> Path:
     if options.recording is None:
-        raise ConfigError(f"agribot view {options.viewer} needs a recording, like runs/first")
+        raise ConfigError(f"agribot view {options.viewer}: no recording; give the folder of a run")
     path: Path = options.recording
     inside = path / "run.mcap"
     return inside if inside.exists() else path

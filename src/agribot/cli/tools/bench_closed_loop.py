@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_within, finite
 from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 from agribot.core.config import DEFAULT_MODEL
@@ -56,11 +56,12 @@ def run(options: argparse.Namespace) -> int:
     try:
         ratios = [float(word) for word in options.heights.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--heights {options.heights}: write numbers, as in 0.5,1") from error
-    if not all(0.2 <= ratio <= 3.0 for ratio in ratios):
-        raise ConfigError(f"--heights {options.heights}: each must be from 0.2 to 3")
-    if not 1.0 <= options.seconds <= 3600.0:
-        raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
+        raise ConfigError(
+            f"--heights {options.heights}: not numbers; write them as in 0.5,1"
+        ) from error
+    for ratio in ratios:
+        check_within("--heights", ratio, 0.2, 3.0)
+    check_within("--seconds", options.seconds, 1.0, 3600.0)
     load_condition_preset(options.preset)
     wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
     result = closed_loop.run_conditions(

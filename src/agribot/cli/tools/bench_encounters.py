@@ -70,4 +70,4 @@ def _read_speeds(text: str) -> list[float]:
     try:
         return [float(word) for word in text.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--speeds {text}: write numbers such as 0.4,0.6") from error
+        raise ConfigError(f"--speeds {text}: not numbers; write them as in 0.4,0.6") from error

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from agribot.app.workers import usable_cpus
 from agribot.cli import bench_fault_matrix
-from agribot.cli.ranges import check_workers
+from agribot.cli.ranges import check_within, check_workers
 from agribot.cli.tools.sweep import drive_all
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
@@ -145,8 +145,7 @@ def _choose(options: argparse.Namespace) -> tuple[tuple[FaultScenario, ...], tup
             names, options.camera, options.platform, is_special=options.special
         )
         return scenarios, faults.list_jobs(scenarios, options.seeds)
-    if not 1 <= count <= MOST_DRIVES:
-        raise ConfigError(f"--fault-free {count}: must be from 1 to {MOST_DRIVES}")
+    check_within("--fault-free", count, 1, MOST_DRIVES)
     if options.faults or options.special:
         raise ConfigError("--fault-free: nothing goes wrong there; leave out --faults, --special")
     return faults.list_drives(count, options.camera, options.platform)

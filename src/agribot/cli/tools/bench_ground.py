@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 
+from agribot.cli.ranges import check_within
 from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
@@ -29,8 +30,7 @@ def run(options: argparse.Namespace) -> int:
     if options.soil not in CLASSES:
         classes = ", ".join(CLASSES)
         raise ConfigError(f"--soil {options.soil}: not known; there are {classes}")
-    if not 0.0 <= options.moisture <= 1.0:
-        raise ConfigError(f"--moisture {options.moisture:g}: must be from 0 (dry) to 1 (saturated)")
+    check_within("--moisture", options.moisture, 0.0, 1.0, "(dry to saturated)")
     extras.require("sim", "agribot bench ground")
     from agribot.lab.bench.ground import measure
 

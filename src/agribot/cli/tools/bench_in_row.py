@@ -8,11 +8,10 @@ import sys
 
 import msgspec
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_within, finite
 from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.config import DEFAULT_MODEL
-from agribot.core.errors import ConfigError
 from agribot.lab.sweep.plan import read_seeds
 
 
@@ -34,10 +33,9 @@ def run(options: argparse.Namespace) -> int:
     extras.require("sim", "agribot bench in-row")
     from agribot.lab.bench import in_row
 
-    if not 2.0 <= options.length <= 100.0:
-        raise ConfigError(f"--length {options.length:g}: must be from 2 to 100 m")
-    if options.seconds is not None and not 1.0 <= options.seconds <= 3600.0:
-        raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
+    check_within("--length", options.length, 2.0, 100.0, "m")
+    if options.seconds is not None:
+        check_within("--seconds", options.seconds, 1.0, 3600.0)
     drives = []
     for seed in read_seeds(options.seeds):
         outcomes = in_row.drive_row(seed, options.length, options.model, options.seconds)

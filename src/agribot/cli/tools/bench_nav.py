@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
-from agribot.cli.ranges import check_workers, finite
+from agribot.cli.ranges import check_within, check_workers, finite
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import ConfigError
@@ -100,10 +100,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    if not 0.1 <= options.speed <= MAX_SPEED_MPS:
-        raise ConfigError(f"--speed {options.speed:g}: must be from 0.1 to {MAX_SPEED_MPS:g} m/s")
-    if not 1 <= options.rows <= MAX_ROWS:
-        raise ConfigError(f"--rows {options.rows}: must be from 1 to {MAX_ROWS}")
+    check_within("--speed", options.speed, 0.1, MAX_SPEED_MPS, "m/s")
+    check_within("--rows", options.rows, 1, MAX_ROWS)
     for setting in options.set:
         if setting.partition(".")[0] not in OWN_SETTINGS:
             groups = ", ".join(OWN_SETTINGS)

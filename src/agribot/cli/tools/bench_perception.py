@@ -6,9 +6,8 @@ import argparse
 import json
 import sys
 
-from agribot.cli.ranges import threads
+from agribot.cli.ranges import check_within, threads
 from agribot.cli.word_list import parse_names
-from agribot.core.errors import ConfigError
 from agribot.lab.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, format_table
 from agribot.lab.bench.perception import time_networks as measure
 from agribot.lab.train.networks import STRIDE_PX, read_size
@@ -27,9 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     networks = parse_names("--networks", options.networks, NETWORKS)
     for option, most in (("threads", 256), ("frames", 10_000)):
-        if not 1 <= getattr(options, option) <= most:
-            value = getattr(options, option)
-            raise ConfigError(f"--{option} {value}: must be from 1 to {most}")
+        check_within(f"--{option}", getattr(options, option), 1, most)
     result = measure(networks, options.threads, options.frames, read_size(options.size, STRIDE_PX))
     sys.stderr.write(format_table(result) + "\n")
     if options.json:

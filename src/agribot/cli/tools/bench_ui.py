@@ -7,7 +7,7 @@ import json
 import sys
 from typing import Any
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_within, finite
 from agribot.core.errors import ConfigError
 
 SLOWEST_MBIT_PER_S, FASTEST_MBIT_PER_S = 0.5, 100.0
@@ -36,13 +36,13 @@ def run(options: argparse.Namespace) -> int:
     try:
         clients = [int(word) for word in options.clients.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--clients {options.clients}: write numbers, as in 0,1,16") from error
+        raise ConfigError(
+            f"--clients {options.clients}: not numbers; write them as in 0,1,16"
+        ) from error
     if not clients or min(clients) < 0 or max(clients) > 32:
-        raise ConfigError(f"--clients {options.clients}: 0 to 32 each")
-    if not 1.0 <= options.seconds <= 600.0:
-        raise ConfigError(f"--seconds {options.seconds:g}: must be between 1 and 600")
-    if not 0.0 <= options.growth <= 420.0:
-        raise ConfigError(f"--growth {options.growth:g}: must be between 0 and 420")
+        raise ConfigError(f"--clients {options.clients}: out of range; give 0 to 32 each")
+    check_within("--seconds", options.seconds, 1.0, 600.0)
+    check_within("--growth", options.growth, 0.0, 420.0, "s")
     result = measure(
         clients, options.seconds, not options.no_camera, growth_s=options.growth,
         links_mbit_per_s=_read_links(options),
@@ -62,11 +62,9 @@ def _read_links(options: argparse.Namespace) -> list[float]:
     try:
         links = [float(word) for word in options.links.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--links {options.links}: write numbers, as in 10,1") from error
-    if not all(SLOWEST_MBIT_PER_S <= link <= FASTEST_MBIT_PER_S for link in links):
-        raise ConfigError(
-            f"--links {options.links}: {SLOWEST_MBIT_PER_S:g} to {FASTEST_MBIT_PER_S:g} Mbit/s each"
-        )
+        raise ConfigError(f"--links {options.links}: not numbers; write them as in 10,1") from error
+    for link in links:
+        check_within("--links", link, SLOWEST_MBIT_PER_S, FASTEST_MBIT_PER_S, "Mbit/s")
     return links
 
 

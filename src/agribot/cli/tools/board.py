@@ -65,7 +65,9 @@ def run(options: argparse.Namespace) -> int:
         from agribot.drivers.board.board_programs import flash
 
         if uri.scheme != "serial":
-            raise ConfigError(f"{options.uri}: a board is flashed at its own line: serial:/dev/...")
+            raise ConfigError(
+                f"{options.uri}: not a serial line; give that of the board, serial:/dev/..."
+            )
         wanted = BoardKind[options.kind.upper()]
         flash(wanted, uri.path)
     found, is_heard = _find(uri, wanted, getattr(options, "seconds", 0.0))

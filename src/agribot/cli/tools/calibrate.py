@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.description.loader import load_robot
 
     if getattr(options, "recording", None) == "":
-        raise ConfigError("--recording is empty: give the run.mcap of a run, or leave it out")
+        raise ConfigError("--recording: empty; give the run.mcap of a run, or leave it out")
     if options.subject == "motors":
         return _report(options, calibration_motors.keep_motors(options))
     robot = load_robot(options.robot)

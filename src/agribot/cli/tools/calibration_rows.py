@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agribot.cli.ranges import check_within
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError
 
@@ -52,7 +53,7 @@ def calibrate_by_rows(options: argparse.Namespace) -> tuple[RowMountResult, str]
     from agribot.record.picture_files import read_pictures
 
     if (options.pictures is None) == (options.recording is None):
-        raise ConfigError("--rows needs pictures: give either --pictures DIR or --recording FILE")
+        raise ConfigError("--rows needs pictures; give either --pictures DIR or --recording FILE")
     spacing_m = _check("--row-spacing", options.row_spacing, SPACING_M)
     lens_deg = _check("--lens-deg", options.lens_deg, LENS_DEG)
     network = Segmenter(options.model)
@@ -64,7 +65,7 @@ def calibrate_by_rows(options: argparse.Namespace) -> tuple[RowMountResult, str]
         robot = load_robot(options.robot)
         pictures = list(read_pictures(list_pictures(options.pictures)))
     if spacing_m is None:
-        raise ConfigError("--rows needs the distance from row to row: give --row-spacing M")
+        raise ConfigError("--rows needs the distance from row to row; give --row-spacing M")
     lens_rad = None if lens_deg is None else math.radians(lens_deg)
     result = calibrate_row_mount(pictures, network, robot, spacing_m, lens_rad)
     return result, format_row_mount(result)
@@ -82,7 +83,6 @@ def check_options(options: argparse.Namespace) -> None:
 
 
 def _check(name: str, value: float | None, limits: tuple[float, float]) -> float | None:
-    low, high = limits
-    if value is not None and not low <= value <= high:
-        raise ConfigError(f"{name} {value:g} is out of range; give {low:g} to {high:g}")
+    if value is not None:
+        check_within(name, value, *limits)
     return value

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_within, finite
 from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
@@ -181,11 +181,10 @@ def _configure(options: argparse.Namespace) -> int:
     from agribot.drivers.line.schemes import read_uri
     from agribot.drivers.stream_sources import open_receiver_line
 
-    if not RATES_HZ[0] <= options.rate <= RATES_HZ[1]:
-        raise ConfigError(f"--rate {options.rate:g}: choose {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz")
+    check_within("--rate", options.rate, *RATES_HZ, "Hz")
     if options.model not in DYNAMIC_MODELS:
         raise ConfigError(
-            f"--model {options.model}: known are {', '.join(DYNAMIC_MODELS)}"
+            f"--model {options.model}: unknown; give one of {', '.join(DYNAMIC_MODELS)}"
             f"{suggest_name(options.model, DYNAMIC_MODELS)}"
         )
     uri = read_uri("agribot gnss configure", options.uri, "")

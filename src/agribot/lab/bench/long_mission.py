@@ -22,7 +22,7 @@ from agribot.autonomy.plan.mission.errand_kind import ErrandKind
 from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.config import load
-from agribot.core.errors import ConfigError, MissionError
+from agribot.core.errors import ConfigError, MissionError, describe_range
 from agribot.core.messages import ControlMission, Inbox, TickRecord, Who
 from agribot.description.loader import load_robot
 from agribot.gis.plan_file import SavedPlan, format_plan
@@ -52,7 +52,7 @@ def make_plan(km: float) -> str:
     Raises: ConfigError: it is shorter than a field is, or longer than a mission can be.
     """
     if not LEAST_KM <= km <= MAX_LENGTH_M / 1000.0:
-        raise ConfigError(f"--km {km:g}: must be from {LEAST_KM:g} to {MAX_LENGTH_M / 1000.0:g} km")
+        raise ConfigError(f"--km {km:g}: {describe_range(LEAST_KM, MAX_LENGTH_M / 1000.0, 'km')}")
     side_m = math.sqrt(1000.0 * km * WIDTH_M)
     low_m, high_m = -INSIDE_M, side_m - INSIDE_M
     area = FieldArea(boundary=((low_m, low_m), (high_m, low_m), (high_m, high_m), (low_m, high_m)))

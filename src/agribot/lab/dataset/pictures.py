@@ -19,7 +19,7 @@ LARGEST_PX = 250_000_000
 Image.MAX_IMAGE_PIXELS = LARGEST_PX // 2  # Pillow warns of more, and refuses twice as many
 
 
-MISNAMED = "name is no text in UTF-8, rename it"
+MISNAMED = "name is not text in UTF-8; rename it"
 
 
 class PictureError(AgribotError):
