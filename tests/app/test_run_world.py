@@ -183,7 +183,7 @@ def test_every_packaged_preset_says_what_it_is_and_field_lies_between_kind_and_h
     [
         ('about = "x"\nsoil_classes = ["bog"]', "bog"),
         ('about = "x"\nclod_heights_m = 3', "clod_heights_m"),
-        ('about = "x"\nmoisture_ratio = [0.5, 0.1]', "the first must be the smaller"),
+        ('about = "x"\nmoisture_ratio = [0.5, 0.1]', "write the smaller first"),
         ('about = "x"\nmissing_ratio = 1.5', "missing_ratio"),
         ('about = "x"\nsoil_classes = []', "name at least one"),
         ("about = ", "preset"),

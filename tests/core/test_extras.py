@@ -93,7 +93,7 @@ def test_a_refusal_names_the_command(
     with pytest.raises(ConfigError) as refused:
         extras.require("ros", "--ros2")
     assert str(refused.value) == (
-        f"--ros2 needs eclipse-zenoh, xxhash: pip install '{tmp_path}[ros]'"
+        f"--ros2 needs eclipse-zenoh, xxhash; pip install '{tmp_path}[ros]'"
     )
 
 

@@ -87,8 +87,8 @@ def test_gazebo_takes_the_actors_that_are_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("was", "now", "words"),
     [
-        ("<time>6</time>", "<time>2</time>", "waypoint at 2 s must come after"),
-        ("<time>0</time>", "<time>-1</time>", "waypoint at -1 s must come after"),
+        ("<time>6</time>", "<time>2</time>", "waypoint at 2 s is not after 2 s"),
+        ("<time>0</time>", "<time>-1</time>", "waypoint at -1 s is not after 0 s"),
         ("person_walking", "unicorn", "no model folder has 'unicorn'"),
         ("LOOP", "perhaps", "<loop> is 'perhaps'"),
         (">1.5<", ">-2<", "<delay_start> is -2 s"),

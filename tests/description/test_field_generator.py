@@ -352,9 +352,9 @@ def test_how_a_plans_soil_carries_survives_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("attribute", "refusal"),
     [
-        ('soil_class="mud"', "soil_class: 'mud': use rigid, firm, tilled, soft"),
-        ('moisture_ratio="2"', "moisture_ratio: 2 must be from 0 to 1"),
-        ('depth_m="0.1"', "depth_m: use soil_class, moisture_ratio"),
+        ('soil_class="mud"', "soil_class: 'mud' is unknown; use rigid, firm, tilled, soft"),
+        ('moisture_ratio="2"', "moisture_ratio 2: out of range; give 0 to 1"),
+        ('depth_m="0.1"', "depth_m: unknown; use soil_class, moisture_ratio"),
     ],
 )
 def test_impossible_soil_of_a_world_is_one_line(
@@ -392,5 +392,5 @@ def test_a_soil_ratio_over_one_is_refused_with_its_name(tmp_path: Path) -> None:
     text = (ROOT / "worlds" / "empty.world").read_text("utf-8")
     file = tmp_path / "x.world"
     file.write_text(text.replace("<gravity>", '<agribot:soil wet_ratio="1.5"/><gravity>'), "utf-8")
-    with pytest.raises(DescriptionError, match=r"wet_ratio.*1\.5 must be from 0 to 1"):
+    with pytest.raises(DescriptionError, match=r"wet_ratio 1\.5: out of range; give 0 to 1"):
         load_world(str(file))

@@ -32,7 +32,7 @@ def test_a_written_world_has_its_relief_again(tmp_path: Path) -> None:
     ("tag", "said"),
     [
         ('<agribot:relief rough="1"/>', "use seed, roughness_rms_m"),
-        ('<agribot:relief roughness_rms_m="-1"/>', "must be from 0 to 0.1"),
+        ('<agribot:relief roughness_rms_m="-1"/>', "-1: out of range; give 0 to 0.1"),
         ('<agribot:relief ridge_height_m="0.05"/>', "need rows"),
     ],
 )

@@ -92,7 +92,7 @@ def test_a_robot_without_camera_or_sprayer_can_still_drive(tmp_path: Path) -> No
     ("before", "after", "words"),
     [
         ("<torque>20</torque>", "<torque>much</torque>", ("<torque>", "'much'")),
-        ("<torque>20</torque>", "<torque>0</torque>", ("<torque>", "positive")),
+        ("<torque>20</torque>", "<torque>0</torque>", ("<torque>", "give a number above 0")),
         ('xyz="0 0.06 0"', 'xyz="0 0.06"', ("base_link_to_imu_link_joint", "needs 3 numbers")),
         ("<bodyName>imu_link</", "<bodyName>nose</", ("IMU", "'nose'", "imu_link")),
         ('child link="gps_link"', 'child link="gpslink"', ("'gpslink'", "gps_link")),
@@ -265,9 +265,9 @@ def test_a_lens_coefficient_that_is_not_modelled_is_told(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("<update_rate>30.0<", "<update_rate>0<", "<update_rate>: 0 must be from 0.01"),
-        ("<width>640<", "<width>1e9<", "1e+09 must be from 16 to 8192"),
-        ("<horizontal_fov>1.3962634<", "<horizontal_fov>4<", "4 must be from 0.01 to 3.1"),
+        ("<update_rate>30.0<", "<update_rate>0<", "<update_rate> 0: out of range; give 0.01"),
+        ("<width>640<", "<width>1e9<", "1e+09: out of range; give 16 to 8192"),
+        ("<horizontal_fov>1.3962634<", "<horizontal_fov>4<", "4: out of range; give 0.01 to 3.1"),
         ("<near>0.02<", "<near>nan<", "nan"),
     ],
 )

@@ -109,7 +109,7 @@ def test_the_command_writes_the_map_of_a_world_and_says_what_it_holds(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["-o", "farm.txt"], "ends in .yaml"),
+        (["-o", "farm.txt"], "end it with .yaml"),
         (["-o", "farm.yaml", "--resolution", "0.001"], "20000 cells along a side"),
         (["-o", "farm.yaml", "--size", "0.01"], "0 cells along a side"),
         (["-o", "nowhere/farm.yaml"], "cannot write"),

@@ -109,7 +109,7 @@ def test_a_model_file_is_no_world(tmp_path: Path) -> None:
         ("<gravity>0 0 down</gravity>", "<gravity>"),
         (
             '<light name="sun" type="directional"><direction>0 0 1</direction></light>',
-            "shine downwards",
+            "shines upwards",
         ),
         ('<agribot:weeds density_per_m2="2"/>', "<agribot:weeds> x_min"),
     ],

@@ -149,10 +149,10 @@ def test_two_contactors_are_switched_by_two_channels_at_once(line: Line) -> None
     [
         ("contactor", "lcus:{path}?channel=2&second=2", "is the first contactor's channel, too"),
         ("imu", "lcus:{path}", "imu from lcus:"),
-        ("contactor", "lcus:{path}?channel=9", "write a number from 1 to 8"),
+        ("contactor", "lcus:{path}?channel=9", "channel=9: out of range; give 1 to 8"),
         ("contactor", "lcus:{path}?chanel=1", "unknown option 'chanel'; did you mean 'channel'?"),
         ("contactor", "lcus:/dev/ttyNONE", "check that it is plugged in"),
-        ("contactor", "serial:{path}", "bytes of gnss and imu can be read"),
+        ("contactor", "serial:{path}", "not read from a line; give gnss or imu"),
         ("contactor", "ros2:/relay", "it is switched, not heard"),
     ],
 )

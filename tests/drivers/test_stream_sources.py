@@ -71,7 +71,7 @@ def test_bytes_over_tcp_come_again_after_the_other_end_was_gone(opened: Opened) 
         ("gnss=serial:/dev/nothing", "plugged in"),
         ("gnss=serial:{path}?baud=fast", "baud=fast: write a number from 300"),
         ("gnss=serial:{path}?bauds=9600", "unknown option 'bauds'; did you mean 'baud'"),
-        ("mag=serial:{path}", "bytes of gnss and imu can be read"),
+        ("mag=serial:{path}", "not read from a line; give gnss or imu"),
         ("imu=serial:{path}?axes=x,y,-z", "mirror"),
         ("gnss=tcp://127.0.0.1", "HOST:PORT"),
         ("gnss=tcp://127.0.0.1:1", "Connection refused; check the host and the port"),

@@ -297,7 +297,7 @@ def test_tuning_from_many_threads_loses_nothing(rover: RobotSpec, meadow: WorldS
     [
         ("gps", "offset", 1.0, r"unknown sensor 'gps'; .*known: gnss, gnss_velocity"),
         ("gnss", "ofset", 1.0, "did you mean 'offset'"),
-        ("gnss", "drift", -1.0, "must not be negative"),
+        ("gnss", "drift", -1.0, "negative; give 0 or more"),
         ("gnss", "drift", math.nan, "finite"),
     ],
 )

@@ -218,12 +218,14 @@ def test_a_description_says_where_the_lidar_is_and_how_it_scans(
 
 def test_a_lidar_that_cannot_be_is_refused_with_its_line(tmp_path: Path) -> None:
     file = robot_file(tmp_path, SENSOR.format(kind="ray", block="ray", rate=900, layers=1))
-    with pytest.raises(DescriptionError, match=r"<update_rate>: 900 must be from 0\.1 to 100"):
+    with pytest.raises(
+        DescriptionError, match=r"<update_rate> 900: out of range; give 0\.1 to 100"
+    ):
         load_robot(file)
     turned = SENSOR.format(kind="ray", block="ray", rate=9, layers=1)
     turned = turned.replace("<max_angle>1.57", "<max_angle>-3")
     findings = check_robot(robot_file(tmp_path, turned))
-    assert any("the first must be the smaller" in f.text and f.is_fault for f in findings)
+    assert any("write the smaller first" in f.text and f.is_fault for f in findings)
 
 
 def robot_file(folder: Path, tag: str) -> str:

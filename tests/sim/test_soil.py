@@ -258,7 +258,7 @@ def test_in_the_deepest_mud_wheels_dig_in_but_never_to_their_hubs(robot: RobotSp
 
 def test_impossible_moisture_is_refused_in_words(robot: RobotSpec) -> None:
     strength = SoilStrength(soil_class="soft", moisture_ratio=1.5)
-    with pytest.raises(DescriptionError, match=r"moisture_ratio 1\.5 must be from 0"):
+    with pytest.raises(DescriptionError, match=r"moisture_ratio 1\.5: out of range; give 0 to 1"):
         Physics(robot, make_ground(strength), 2_000_000)
 
 

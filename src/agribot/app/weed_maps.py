@@ -27,7 +27,7 @@ def open_map(place: str, classes: Mapping[str, str] | None = None) -> PlantTable
     path = Path(rest if separator else place)
     name = name if separator else ""
     if separator and not name:
-        raise RecordingError(f"'{place}': write NAME=PATH")
+        raise RecordingError(f"'{place}': no name; write NAME=PATH")
     table = _open(path, classes)
     if not name:
         return table

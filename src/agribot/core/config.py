@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import msgspec
 import tomli_w
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 from agribot.core.geo import Datum
 from agribot.core.messages import SafetyInput
 from agribot.core.own_world import WORLD, OwnWorld
@@ -413,7 +413,8 @@ def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
                 check_keys(values, kind, source, f"plugins.{name}")
         config = msgspec.structs.replace(config, plugins=resolve_plugins(config.plugins))
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{source}: {name_setting(str(error), tree)}") from error
+        fact = f"{source}: {name_setting(str(error), tree)}"
+        raise ConfigError(add_advice(fact, "give such a value")) from error
     except ConfigError as error:
         raise ConfigError(f"{source}: {error}") from error
     return config
@@ -423,7 +424,7 @@ def assign(tree: dict[str, Any], setting: str) -> None:
     """Set one `key.subkey=value` in a tree."""
     key, separator, text = setting.partition("=")
     if not separator or not key:
-        raise ConfigError(f"--set {setting}: write it as key.subkey=value")
+        raise ConfigError(f"--set {setting}: no value; write it as key.subkey=value")
     *parents, leaf = key.strip().split(".")
     node = tree
     for name in parents:
@@ -503,7 +504,7 @@ def check_finite(value: object, source: str, at: str) -> None:
         for index, inner in enumerate(value):
             check_finite(inner, source, f"{at}[{index}]")
     elif isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"{source}: {at} = {value}: write a finite number")
+        raise ConfigError(f"{source}: {at} = {value}: not finite; write a finite number")
 
 
 def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: str, at: str) -> None:

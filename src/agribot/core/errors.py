@@ -20,6 +20,8 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from os import PathLike
+
     from agribot.core.facts import AnyFact
 
 
@@ -77,6 +79,11 @@ def describe_range(least: float, most: float = math.inf, unit: str = "") -> str:
 
 def format_number(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:.12g}"
+
+
+def explain_unreadable(path: PathLike[str], error: OSError) -> str:
+    """State that a file cannot be read, and why."""
+    return f"cannot read {path}: {error.strerror or error}; check the path"
 
 
 def add_advice(fact: str, advice: str) -> str:

@@ -78,7 +78,7 @@ def require(extra: str, purpose: str) -> None:
         if one.extra == extra and not _is_installed(one.module)
     ]
     if absent:
-        raise ConfigError(f"{purpose} needs {', '.join(absent)}: {format_install(extra)}")
+        raise ConfigError(f"{purpose} needs {', '.join(absent)}; {format_install(extra)}")
 
 
 def explain(error: ModuleNotFoundError) -> str:
@@ -86,7 +86,7 @@ def explain(error: ModuleNotFoundError) -> str:
     missing = error.name or ""
     for one in _list_requirements():
         if missing == one.module or missing.split(".")[0] == one.module.split(".")[0]:
-            return f"this needs {one.package}, which is not installed: {format_install(one.extra)}"
+            return f"this needs {one.package}, which is not installed; {format_install(one.extra)}"
     return ""
 
 

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 
 PLATFORMS = "agribot.platforms"
 SOURCES = "agribot.sources"
@@ -148,7 +148,7 @@ def read_settings(plugins: Mapping[str, Any], name: str, kind: type[Settings]) -
     try:
         return msgspec.convert(plugins.get(name, {}), kind)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"plugins.{name}: {error}") from error
+        raise ConfigError(add_advice(f"plugins.{name}: {error}", "give such a value")) from error
 
 
 def bind_settings(plugin: Any, plugins: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -304,7 +304,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     def body_from_camera(self) -> FloatArray:
         """Compute the pose of the camera's optical frame in the body frame, (4, 4)."""
         if self.camera is None:
-            raise DescriptionError(f"robot '{self.name}' has no camera sensor in its description")
+            raise DescriptionError(f"robot '{self.name}' has no camera; add a camera sensor")
         return self.body_from_link(self.camera.link) @ LINK_FROM_OPTICAL
 
     def wheel_xy_body_m(self) -> FloatArray:

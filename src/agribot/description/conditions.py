@@ -167,7 +167,7 @@ def _check_pairs(preset: Preset, source: str) -> None:
         is_pair = isinstance(value, tuple) and len(value) == 2 and name != "soil_classes"
         if is_pair and value[0] > value[1]:
             raise ConfigError(
-                f"preset {source}: {name} = {list(value)}: the first must be the smaller one"
+                f"preset {source}: {name} = {list(value)}: not in order; write the smaller first"
             )
     if not preset.soil_classes:
         raise ConfigError(f"preset {source}: soil_classes is empty; name at least one class")

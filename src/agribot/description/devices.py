@@ -137,10 +137,7 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> 
             return CAMERA_DEFAULTS[path]
         value = source.parse_number(text, f"camera sensor <{path}>")
         least, most = CAMERA_LIMITS.get(path, (0.0, math.inf))
-        if not least <= value <= most:
-            raise source.fail(
-                f"camera sensor <{path}>", f"{value:g} must be from {least:g} to {most:g}"
-            )
+        source.check_within(f"camera sensor <{path}>", value, least, most)
         return value
 
     return CameraSpec(
@@ -191,7 +188,7 @@ def _find_wheel(
     if joint.kind != "continuous" or joint.parent != "base_link":
         raise source.fail(
             f"joint '{joint.name}'",
-            f"a wheel needs a continuous joint on base_link, not {joint.kind} on {joint.parent}",
+            f"{joint.kind} on {joint.parent}; a wheel needs a continuous joint on base_link",
         )
     return link, joint
 

@@ -35,7 +35,7 @@ def read_drawn_rows(path: Path, datum: Datum) -> list[FloatArray]:
         ) from error
     if not lines or min(measure_line_m(line) for line in lines) <= 0.0:
         raise DescriptionError(
-            f"rows.file {path.name} has no rows, or one without a length: draw them as LineStrings "
+            f"rows.file {path.name} has no rows, or one without a length; draw them as LineStrings "
             "of kind 'row'"
         )
     return lines

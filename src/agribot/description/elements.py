@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import DescriptionError, describe_range
 from agribot.core.messages import Vec3
 from agribot.description.markup import find_place
 
@@ -56,6 +56,14 @@ class SourceFile:
 
     def fail(self, where: str, what: str) -> DescriptionError:
         return PlacedError(self._make_finding(f"{where}: {what}")._replace(is_fault=True))
+
+    def check_within(self, where: str, value: float, least: float, most: float) -> None:
+        """Refuse a number outside of its range, both ends included.
+
+        Raises: DescriptionError: it is outside.
+        """
+        if not least <= value <= most:
+            raise self.fail(f"{where} {value:g}", describe_range(least, most))
 
     def warn(self, text: str, element: ET.Element | None = None, *, quiet: bool = False) -> None:
         """Note a harmless problem; a `quiet` one only shows in a check of the file."""
@@ -105,13 +113,16 @@ class SourceFile:
         try:
             values = tuple(float(word) for word in words)
         except ValueError as error:
-            raise self.fail(where, f"'{text}' is not a list of numbers") from error
+            raise self.fail(where, f"'{text}' is not a list of numbers; write {count}") from error
         if not all(math.isfinite(value) for value in values):
-            raise self.fail(where, f"'{text}' is not finite")
+            raise self.fail(where, f"'{text}' is not finite; write finite numbers")
         if any(abs(value) > LARGEST for value in values):
-            raise self.fail(where, f"'{text}' is beyond {LARGEST:g}, more than anything real")
+            raise self.fail(where, f"'{text}' is beyond {LARGEST:g}; write smaller numbers")
         if len(values) != count:
-            raise self.fail(where, f"needs {count} numbers, found {len(values)} in '{text or ''}'")
+            raise self.fail(
+                where,
+                f"needs {count} numbers, found {len(values)} in '{text or ''}'; write {count}",
+            )
         return values
 
     def parse_number(self, text: str | None, where: str) -> float:
@@ -139,5 +150,5 @@ class SourceFile:
     def require_attribute(self, element: ET.Element, name: str, where: str) -> str:
         value = element.get(name)
         if value is None:
-            raise self.fail(where, f"<{element.tag}> has no attribute '{name}'")
+            raise self.fail(where, f"<{element.tag}> has no attribute '{name}'; add it")
         return value

@@ -133,7 +133,7 @@ def _run_xacro(
         except Exception as error:  # xacro raises any kind of error on a broken file
             reason = " ".join(str(error).split()) or type(error).__name__
             raise DescriptionError(
-                f"{_find_current_file(path)}: xacro cannot expand it: {reason}"
+                f"{_find_current_file(path)}: xacro cannot expand it: {reason}; correct it there"
             ) from error
     unknown = sorted(set(mappings) - arguments.declared)
     if unknown:

@@ -55,7 +55,7 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
         crops_xy_m = crops_xy_m[_find_inside(crops_xy_m, ring)]
     if len(crops_xy_m) == 0:
         raise DescriptionError(
-            f"field '{plan.name}' has no crop left: lower crop.missing_ratio or crop.gaps_per_row, "
+            f"field '{plan.name}' has no crop left; lower crop.missing_ratio or crop.gaps_per_row, "
             "or move rows.first_row_start_map_m into the boundary"
         )
     weeds_xy_m = place_weeds(plan.weeds, crops_xy_m, rng[1])

@@ -146,8 +146,9 @@ def read_field_settings(path: Path) -> FieldSettings:
         ) from error
     if plan.weeds.height_min_m > plan.weeds.height_max_m or not plan.weeds.species:
         raise DescriptionError(
-            f"{path.name}: weeds need at least one species and height_min_m "
-            f"({plan.weeds.height_min_m:g}) not above height_max_m ({plan.weeds.height_max_m:g})"
+            f"{path.name}: weeds of {len(plan.weeds.species)} species from "
+            f"{plan.weeds.height_min_m:g} to {plan.weeds.height_max_m:g} m; name one species or "
+            "more, and a height_min_m that is not above height_max_m"
         )
     if plan.relief.track_depth_m and not plan.soil.track_gauge_m:
         raise DescriptionError(
@@ -172,7 +173,7 @@ def _check_numbers(value: object, file: str, at: str) -> None:
         for inner in value:
             _check_numbers(inner, file, at)
     elif isinstance(value, (int, float)) and not abs(value) <= MOST_PLANTS:
-        raise DescriptionError(f"{file}: {at} = {value}: must be a number within {MOST_PLANTS}")
+        raise DescriptionError(f"{file}: {at} = {value}: out of range; give at most {MOST_PLANTS}")
 
 
 def _check_size(plan: FieldSettings, file: str) -> None:

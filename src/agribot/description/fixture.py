@@ -94,7 +94,9 @@ def read_fixture(root: ET.Element, source: SourceFile) -> FixtureSpec:
     links, joints = read_links(root, source), read_joints(root, source)
     for link in links:
         if link.mass_kg < 0.0:
-            raise source.fail(f"link '{link.name}'", f"a mass of {link.mass_kg:g} kg")
+            raise source.fail(
+                f"link '{link.name}'", f"a mass of {link.mass_kg:g} kg; give 0 or more"
+            )
     receivers = tuple(_read_receivers(root, links, joints, source))
     return FixtureSpec(
         name=root.get("name", source.file),
@@ -111,7 +113,7 @@ def _read_receivers(
     for block in _list_receiver_blocks(root, source):
         name = block.tags.get("bodyname") or block.link
         if name not in {link.name for link in links}:
-            raise source.fail(block.what, f"there is no link '{name}' for the receiver")
+            raise source.fail(block.what, f"there is no link '{name}'; name that of the receiver")
         yield FixtureReceiver(
             link=name,
             rate_hz=block.read_positive("updateRate"),

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from agribot.core.errors import add_advice
 from agribot.core.implement.kind import find_spec_type, list_kinds
 from agribot.core.implement.spec import ImplementSpec
 from agribot.description.elements import SourceFile
@@ -50,4 +51,4 @@ def _read(kind: type[ImplementSpec], block: TagBlock, source: SourceFile) -> Imp
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `$.")
         where = f"<{path.rstrip('`')}> is {values.get(path.rstrip('`'))!r}: " if path else ""
-        raise source.fail(block.what, f"{where}{what}") from error
+        raise source.fail(block.what, add_advice(f"{where}{what}", "correct it")) from error

@@ -139,7 +139,9 @@ def _read_shape(
         file = source.require_attribute(form, "filename", where)
         return Shape(kind="mesh", size_m=scale, origin=origin, mesh=file, rgba=rgba)
     if form.tag not in {"cylinder", "sphere"}:
-        raise source.fail(where, f"<{form.tag}> is no box, cylinder, sphere or mesh")
+        raise source.fail(
+            where, f"<{form.tag}> is not a shape; write box, cylinder, sphere or mesh"
+        )
     radius_m = source.parse_number(form.get("radius"), f"{where} <{form.tag} radius>")
     length_m = source.parse_number(form.get("length", "0"), f"{where} <{form.tag} length>")
     sizes_m = (radius_m, length_m) if form.tag == "cylinder" else (radius_m,)

@@ -35,7 +35,7 @@ def read_lidar(root: ET.Element, links: Sequence[Link], source: SourceFile) -> L
     link, sensor = found
     where = f"sensor '{sensor.get('name', '')}'"
     if link not in {known.name for known in links}:
-        raise source.fail(where, f"it sits on link '{link}', which does not exist")
+        raise source.fail(where, f"it sits on link '{link}', which is missing; add the link")
     rays = next((e for e in (sensor.find("ray"), sensor.find("lidar")) if e is not None), sensor)
 
     def read(path: str, default: float, least: float, most: float) -> float:
@@ -43,8 +43,7 @@ def read_lidar(root: ET.Element, links: Sequence[Link], source: SourceFile) -> L
         if element is None:
             return default
         value = source.parse_number(read_tag_value(element), f"{where} <{path}>")
-        if not least <= value <= most:
-            raise source.fail(f"{where} <{path}>", f"{value:g} must be from {least:g} to {most:g}")
+        source.check_within(f"{where} <{path}>", value, least, most)
         return value
 
     if read("scan/vertical/samples", 1.0, 0.0, 1e6) > 1.0:
@@ -64,7 +63,7 @@ def read_lidar(root: ET.Element, links: Sequence[Link], source: SourceFile) -> L
         raise source.fail(
             where,
             f"angles from {spec.min_angle_rad:g} to {spec.max_angle_rad:g} rad and ranges from "
-            f"{spec.range_min_m:g} to {spec.range_max_m:g} m: the first must be the smaller",
+            f"{spec.range_min_m:g} to {spec.range_max_m:g} m; write the smaller first",
         )
     return spec
 

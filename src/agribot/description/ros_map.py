@@ -74,8 +74,8 @@ def load_ros_map(path: Path) -> RosMap:
     (resolution_m,) = _parse_numbers(keys, "resolution", path)
     if len(origin) != 3 or resolution_m <= 0.0:
         raise DescriptionError(
-            f"{path.name}: origin {origin} and resolution {resolution_m:g}: the origin is East, "
-            "North and yaw, and cells are larger than 0"
+            f"{path.name}: origin {origin} and resolution {resolution_m:g}; write the origin as "
+            "East, North and yaw, and a resolution above 0"
         )
     picture = path.parent / keys.get("image", "")
     if not picture.is_file():

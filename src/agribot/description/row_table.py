@@ -49,7 +49,7 @@ def read_row_table(
         return None
     for name in element.attrib:
         if name not in LIMITS:
-            raise source.fail(f"{WHERE} {name}", f"use {', '.join(LIMITS)}")
+            raise source.fail(f"{WHERE} {name}", f"unknown; use {', '.join(LIMITS)}")
     spacing_m = _read(element, OPTIONAL, source) if OPTIONAL in element.attrib else None
     value = {name: _read(element, name, source) for name in LIMITS if name != OPTIONAL}
     start = map_from_world @ np.array([value["x"], value["y"], 0.0, 1.0])
@@ -69,8 +69,7 @@ def _read(element: ET.Element, name: str, source: SourceFile) -> float:
     if name in DEFAULTS and name not in element.attrib:
         return DEFAULTS[name]
     number = source.parse_number(source.require_attribute(element, name, WHERE), where)
-    if not least <= number <= most:
-        raise source.fail(where, f"{number:g} must be from {least:g} to {most:g}")
+    source.check_within(where, number, least, most)
     return number
 
 

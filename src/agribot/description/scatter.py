@@ -111,7 +111,7 @@ def _read_plant(
 
     kind = source.require_attribute(element, "class", where).upper()
     if kind not in {"CROP", "WEED"}:
-        raise source.fail(where, f"class '{kind.lower()}' is neither crop nor weed")
+        raise source.fail(where, f"class '{kind.lower()}' is unknown; write crop or weed")
     x_m, y_m = (map_from_world @ np.array([read_number("x"), read_number("y"), 0.0, 1.0]))[
         :2
     ].tolist()
@@ -178,7 +178,11 @@ def _read_kind(element: ET.Element, source: SourceFile, where: str) -> WeedKind:
     )
     species = tuple(source.require_attribute(element, "species", where).split())
     if not species or not 0.0 < low_m <= high_m:
-        raise source.fail(where, "needs at least one species and 0 < height_min_m <= height_max_m")
+        raise source.fail(
+            where,
+            f"{len(species)} species from {low_m:g} to {high_m:g} m; name one or more, and "
+            "0 < height_min_m <= height_max_m",
+        )
     return WeedKind(species, low_m, high_m)
 
 
@@ -201,7 +205,11 @@ def _read_area(element: ET.Element, source: SourceFile) -> WeedArea:
         for key in ("x_min", "x_max", "y_min", "y_max", "density_per_m2", "crop_distance_m")
     )
     if not (x_min < x_max and y_min < y_max and density >= 0.0):
-        raise source.fail(where, "needs x_min < x_max, y_min < y_max and a density of at least 0")
+        raise source.fail(
+            where,
+            f"x from {x_min:g} to {x_max:g}, y from {y_min:g} to {y_max:g}, {density:g} weeds per "
+            "m2; write the smaller first, and a density of 0 or more",
+        )
     return WeedArea(
         (x_min, y_min), (x_max - x_min, y_max - y_min), density, distance,
         _read_kind(element, source, where),

@@ -128,7 +128,8 @@ def _read_waypoints(
         if after <= before:
             raise source.fail(
                 where,
-                f"the waypoint at {after:g} s must come after the one before it, and none before 0",
+                f"the waypoint at {after:g} s is not after {max(before, 0.0):g} s; order them by "
+                "time, from 0 on",
             )
     return tuple(found) or (_make_waypoint(0.0, map_from_world @ read_pose(actor, source, where)),)
 

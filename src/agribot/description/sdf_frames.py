@@ -39,7 +39,9 @@ class FrameScope:
         pose = None if placed is None else placed.find("pose")
         relative = "" if pose is None else self._read_relative(pose, name)
         if element in self._open:
-            raise self._source.fail(self._where, f"'{name}' is placed relative to itself")
+            raise self._source.fail(
+                self._where, f"'{name}' is placed relative to itself; name another frame"
+            )
         self._open.add(element)
         try:
             frame = self.find_frame(relative or self._find_parent(element) or parent, name)

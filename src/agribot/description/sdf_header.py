@@ -136,10 +136,9 @@ class Header:
         for name, text in {} if element is None else element.attrib.items():
             where = f"<agribot:soil> {name}"
             if name not in Soil.__struct_fields__:
-                raise self._source.fail(where, f"use {', '.join(Soil.__struct_fields__)}")
+                raise self._source.fail(where, f"unknown; use {', '.join(Soil.__struct_fields__)}")
             ratios[name] = self._source.parse_number(text, where)
-            if not 0.0 <= ratios[name] <= 1.0:
-                raise self._source.fail(where, f"{ratios[name]:g} must be from 0 to 1")
+            self._source.check_within(where, ratios[name], 0.0, 1.0)
         return Soil(**ratios)
 
     def _read_strength(self) -> SoilStrength:
@@ -147,14 +146,15 @@ class Header:
         for name, text in {} if element is None else element.attrib.items():
             where = f"<agribot:strength> {name}"
             if name not in SoilStrength.__struct_fields__:
-                raise self._source.fail(where, f"use {', '.join(SoilStrength.__struct_fields__)}")
+                known = ", ".join(SoilStrength.__struct_fields__)
+                raise self._source.fail(where, f"unknown; use {known}")
             value: str | float = text.strip()
             if name == "moisture_ratio":
                 value = self._source.parse_number(text, where)
-                if not 0.0 <= value <= 1.0:
-                    raise self._source.fail(where, f"{value:g} must be from 0 to 1")
+                self._source.check_within(where, value, 0.0, 1.0)
             elif value not in get_args(SoilClass):
-                raise self._source.fail(where, f"'{value}': use {', '.join(get_args(SoilClass))}")
+                known = ", ".join(get_args(SoilClass))
+                raise self._source.fail(where, f"'{value}' is unknown; use {known}")
             strength = msgspec.structs.replace(strength, **{name: value})
         return strength
 
@@ -166,12 +166,9 @@ class Header:
         for name, text in element.attrib.items():
             where = f"<agribot:relief> {name}"
             if name not in RELIEF_LIMITS:
-                raise self._source.fail(where, f"use {', '.join(RELIEF_LIMITS)}")
+                raise self._source.fail(where, f"unknown; use {', '.join(RELIEF_LIMITS)}")
             numbers[name] = self._source.parse_number(text, where)
-            if not 0.0 <= numbers[name] <= RELIEF_LIMITS[name]:
-                raise self._source.fail(
-                    where, f"{numbers[name]:g} must be from 0 to {RELIEF_LIMITS[name]:g}"
-                )
+            self._source.check_within(where, numbers[name], 0.0, RELIEF_LIMITS[name])
         rows = [
             self._read_relief_row(row, index)
             for index, row in enumerate(element.findall(qualify_tag("row")))
@@ -179,7 +176,7 @@ class Header:
         if not rows and (numbers.get("ridge_height_m") or numbers.get("track_depth_m")):
             raise self._source.fail(
                 "<agribot:relief>",
-                "ridge_height_m and track_depth_m need rows: add "
+                "ridge_height_m and track_depth_m need rows; add "
                 '<agribot:row start="X Y" end="X Y"/> inside, or leave them out',
             )
         seed = int(numbers.pop("seed", 0.0))
@@ -205,7 +202,9 @@ class Header:
     def _read_sun(self, sun: ET.Element) -> Light:
         from_sun = self._source.parse_vec3(sun.findtext("direction", "0 0 -1"), "<direction>")
         if from_sun[2] >= 0.0:
-            raise self._source.fail("<light> <direction>", "the sun must shine downwards, z < 0")
+            raise self._source.fail(
+                "<light> <direction>", f"the sun shines upwards, z = {from_sun[2]:g}; give z < 0"
+            )
         east, north, up = (
             -np.array(self._turn_to_map(from_sun)) / np.linalg.norm(from_sun)
         ).tolist()

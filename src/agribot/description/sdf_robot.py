@@ -234,7 +234,7 @@ class _Model:
             return next(iter(self._links))
         if name not in self._links:
             raise self._source.fail(
-                f"frame '{_name(frame)}'", f"it is attached to '{name}', which is no link"
+                f"frame '{_name(frame)}'", f"it is attached to '{name}'; name a link"
             )
         return name
 

@@ -47,7 +47,7 @@ class TagBlock:
     def read_positive(self, name: str) -> float:
         value = self.read_number(name)
         if value <= 0.0:
-            raise self._source.fail(self.what, f"<{name}> is {value:g}, it must be positive")
+            raise self._source.fail(self.what, f"<{name}> is {value:g}; give a number above 0")
         return value
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import DescriptionError, add_advice
 from agribot.core.geo import inverse
 from agribot.core.messages import FloatArray
 from agribot.core.world import HeightField
@@ -106,10 +106,14 @@ def _read_samples(path: Path) -> FloatArray:
     try:  # mapped, so that a wrong size in the file's head does not fill the memory
         heights = np.load(path, mmap_mode="r", allow_pickle=False)
         if heights.size > MAX_SAMPLES**2 or not np.isfinite(heights).all():
-            raise ValueError(f"{heights.shape} samples, or some that are not finite")
+            raise ValueError(
+                f"{heights.shape} samples, or some that are not finite; save finite heights, at "
+                f"most {MAX_SAMPLES} on a side"
+            )
         metres: FloatArray = np.asarray(heights, dtype=np.float64)
     except NOT_NPY as error:
-        raise DescriptionError(f"{path.name} holds no heights: {error}") from error
+        fact = f"{path.name} holds no heights: {error}"
+        raise DescriptionError(add_advice(fact, "save them with numpy.save")) from error
     return metres
 
 

@@ -82,7 +82,7 @@ def refuse_can(sensor: Sensor, uri: SourceUri, context: SourceContext) -> Sensor
     Raises: ConfigError: always.
     """
     raise ConfigError(
-        f"{sensor} from {uri.scheme}:{uri.name}: of a CAN bus motor boards can be read, as in "
+        f"{sensor} from {uri.scheme}:{uri.name}: a CAN bus carries motor boards only; write "
         "base=can:can0?board=vesc&ids=11,12"
     )
 
@@ -100,7 +100,9 @@ def open_receiver_line(uri: SourceUri) -> ByteStream:
             return TcpStream(*read_address(uri, None))
     except OSError as error:
         raise ConfigError(f"{uri.name}: {describe_failure(error)}") from error
-    raise ConfigError(f"{uri.scheme}:{uri.name}: write serial:/dev/ttyACM0 or tcp://HOST:PORT")
+    raise ConfigError(
+        f"{uri.scheme}:{uri.name}: not a line; write serial:/dev/ttyACM0 or tcp://HOST:PORT"
+    )
 
 
 def _open_stream(
@@ -113,7 +115,7 @@ def _open_stream(
         return _open_receiver(uri, context, options, stream, refuse)
     if sensor != "imu":
         raise ConfigError(
-            f"{sensor} from {uri.scheme}:{uri.name}: bytes of gnss and imu can be read"
+            f"{sensor} from {uri.scheme}:{uri.name}: not read from a line; give gnss or imu there"
         )
     latency_s = options.pop_number("latency_s", 0.0, 0.0, 2.0)
     device = make_imu(options, refuse)
@@ -153,5 +155,7 @@ def read_address(uri: SourceUri, default_port: int | None) -> tuple[str, int]:
     if not port_text and default_port is not None:
         return host, default_port
     if not (port_text.isdecimal() and 0 < int(port_text) < 65536) or not uri.at:
-        raise ConfigError(f"{uri.scheme}://{uri.at}: write {uri.scheme}://HOST:PORT")
+        raise ConfigError(
+            f"{uri.scheme}://{uri.at}: not an address; write {uri.scheme}://HOST:PORT"
+        )
     return host, int(port_text)

@@ -47,7 +47,9 @@ def read_geo(path: Path) -> TiledImage:
     try:
         text = re.sub(r"(//|#).*", "", read_text_file(path))
     except ValueError as error:
-        raise ConfigError(f"{path.name} is no .geo file of mapviz: {error}") from error
+        raise ConfigError(
+            f"{path.name} is no .geo file of mapviz: {error}; give another"
+        ) from error
     lines = re.findall(r"(?m)^(\w+):[ \t]*(.*?)\s*$", text)
     keys = {key: value.strip(" \"'") for key, value in lines}
     try:
@@ -59,7 +61,9 @@ def read_geo(path: Path) -> TiledImage:
             "and tile_size; add them"
         ) from error
     if min(*sizes, tile_px) <= 0:
-        raise ConfigError(f"{path.name}: sizes {sizes} and tile_size {tile_px} must be above 0")
+        raise ConfigError(
+            f"{path.name}: sizes {sizes} and tile_size {tile_px}; all must be above 0"
+        )
     return TiledImage(
         folder=path.parent / keys.get("image_path", "."),
         width_px=sizes[0],
@@ -142,7 +146,7 @@ def _read_pixel_scale(ties: FloatArray, keys: dict[str, str], name: str) -> Floa
     else:
         raise ConfigError(f"{name}: one tie point needs a pixel_scale beside it; add it")
     if step.shape != (2,) or not (step > 0.0).all():
-        raise ConfigError(f"{name}: pixel_scale {step.tolist()} must be two numbers above 0")
+        raise ConfigError(f"{name}: pixel_scale {step.tolist()}; give two numbers above 0")
     return step
 
 

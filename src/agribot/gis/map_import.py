@@ -233,7 +233,7 @@ def _try_fetch(template: str, tile: MapTile) -> bytes | Exception:
 
 def check_count(bounds: GeoBounds, first: int, last: int) -> int:
     if not 0 <= first <= last <= MAX_ZOOM:
-        raise ConfigError(f"zooms {first} to {last}: must be within 0 to {MAX_ZOOM}, in order")
+        raise ConfigError(f"zooms {first} to {last}: not in order; give two of 0 to {MAX_ZOOM}")
     count = count_tiles(bounds, first, last)
     if count > MAX_TILES:
         raise ConfigError(

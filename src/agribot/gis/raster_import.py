@@ -78,8 +78,8 @@ def _draw_tiles(
             report(done, count)
     if not drawn:
         raise ConfigError(
-            f"{name} has no picture that a map can show: every pixel is marked as "
-            "without data, or lies beyond 85 degrees North or South"
+            f"{name} has no picture that a map can show: every pixel is marked as without data, or "
+            "lies beyond 85 degrees North or South; export another part"
         )
 
 

@@ -74,8 +74,12 @@ def parse_bounds(text: str) -> GeoBounds:
     try:
         bounds = GeoBounds(*(float(word) for word in text.split(",")))
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"--bbox {text}: write west,south,east,north in degrees") from error
+        raise ConfigError(
+            f"--bbox {text}: not four numbers; write west,south,east,north in degrees"
+        ) from error
     west, south, east, north = bounds
     if not (-180.0 <= west < east <= 180.0 and -90.0 <= south < north <= 90.0):
-        raise ConfigError(f"--bbox {text}: west must be below east, south below north, in degrees")
+        raise ConfigError(
+            f"--bbox {text}: not in order; give west below east, south below north, in degrees"
+        )
     return bounds

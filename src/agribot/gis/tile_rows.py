@@ -10,7 +10,7 @@ import math
 import sqlite3
 from typing import Literal, NamedTuple
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, describe_range
 from agribot.gis.tile_grid import MAX_ZOOM, GeoBounds, find_tile
 
 Scheme = Literal["tms", "xyz"]
@@ -95,7 +95,7 @@ def _read_range(database: sqlite3.Connection, name: str) -> TileRange:
         " FROM tiles WHERE zoom_level = (SELECT max(zoom_level) FROM tiles)"
     ).fetchone()
     if not all(isinstance(value, int) for value in (zoom, *edges)) or not 0 <= zoom <= MAX_ZOOM:
-        raise ConfigError(f"{name}: zoom {zoom} of its tiles must be from 0 to {MAX_ZOOM}")
+        raise ConfigError(f"{name}: zoom {zoom} of its tiles: {describe_range(0, MAX_ZOOM)}")
     return TileRange(zoom, (edges[0], edges[1]), (edges[2], edges[3]))
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import RecordingError, explain_unreadable
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, ComingAndGoing, Fact, find_kind
 from agribot.core.messages import (
@@ -398,7 +398,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
         lines = path.read_bytes().splitlines()
         return tuple(msgspec.json.decode(line, type=Event) for line in lines if line)
     except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+        raise RecordingError(explain_unreadable(path, error)) from error
     except msgspec.MsgspecError as error:
         raise RecordingError(f"{path} is not an event log: {error}; name another file") from error
 
@@ -412,7 +412,7 @@ def read_whole_events(path: Path) -> tuple[Event, ...]:
     try:
         lines = path.read_bytes().splitlines()
     except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+        raise RecordingError(explain_unreadable(path, error)) from error
     for line in lines:
         with suppress(msgspec.MsgspecError, ValueError):
             events.append(msgspec.json.decode(line, type=Event))

@@ -186,7 +186,7 @@ def read_attachment(path: Path, name: str) -> bytes:
         if isinstance(record, Damage):
             damage.append(record)
     warn_of(damage)
-    why = "; it is damaged" if damage else "; was it recorded by AGRIBOT?"
+    why = "; it is damaged, see agribot record recover" if damage else "; give a run of AGRIBOT"
     raise RecordingError(f"{path} has no attachment '{name}'{why}")
 
 

@@ -115,7 +115,7 @@ class ReplayPlatform:
         """
         record = next(self._ticks, None)
         if record is None:
-            raise EndOfRecording(f"{self._path} has no more ticks")
+            raise EndOfRecording(f"{self._path} has no more ticks; start it again")
         self._scenes, self._sent = record.scenes, record.command.drive
         requests, hand = self.inbox.drain(record.batch.t_s)
         if not (requests or hand):

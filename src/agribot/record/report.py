@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import RecordingError, explain_unreadable
 from agribot.core.facts import ComingAndGoing
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.row_shares import TreatedShare
@@ -339,7 +339,7 @@ def read_report(path: Path) -> Report:
     try:
         return msgspec.json.decode(path.read_bytes(), type=Report)
     except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+        raise RecordingError(explain_unreadable(path, error)) from error
     except msgspec.MsgspecError as error:
         raise RecordingError(
             f"{path} is not a run report of this version: {error}; make it anew with agribot report"

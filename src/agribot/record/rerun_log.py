@@ -45,7 +45,7 @@ def write_rerun(recording: Path, target: Path | None) -> int:
         import rerun
     except ImportError as error:
         raise ConfigError(
-            f"agribot view rerun needs rerun-sdk: {format_install('view')}"
+            f"agribot view rerun needs rerun-sdk; {format_install('view')}"
         ) from error
     stream: Any = rerun.RecordingStream(_NAME)
     shower, count = _RerunWriter(rerun, stream), 0
@@ -76,7 +76,9 @@ def _start_viewer(stream: Any) -> None:
     program = shutil.which("rerun", path=sysconfig.get_path("scripts")) or shutil.which("rerun")
     instead = "-o FILE.rrd writes a file that 'rerun FILE.rrd' opens on any machine"
     if program is None:
-        raise ConfigError(f"Rerun's viewer is not installed: {format_install('view')}; {instead}")
+        raise ConfigError(
+            f"Rerun's viewer is not installed; {format_install('view')}, or {instead}"
+        )
     if sys.platform == "linux" and not any(map(os.environ.get, _SCREENS)):
         raise ConfigError(f"Rerun's viewer needs a screen, and DISPLAY is not set; {instead}")
     # Rerun looks for it in the PATH alone.

@@ -26,7 +26,7 @@ class FoxgloveGateway:
             import foxglove
         except ImportError as error:
             raise BridgeError(
-                f"the Foxglove server needs foxglove-sdk: {format_install('foxglove')}"
+                f"the Foxglove server needs foxglove-sdk; {format_install('foxglove')}"
             ) from error
         context = self._context = foxglove.Context()  # kept: its channels go with it
         self._lock = threading.Lock()

@@ -161,7 +161,7 @@ class SimPlatform:
                 "is not finite; the board refuses it and keeps the last one until its timeout"
             )
         if self._closed:
-            raise PlatformError("the simulator is closed and takes no commands")
+            raise PlatformError("simulator: closed, it takes no commands; open it anew")
         if self._contactors is not None:  # on a line of their own, which needs no motor board
             self._contactors.command(self._now_s, is_cut=command.is_power_cut)
         if self.faults is not None and not self.faults.hears(self._now_s):

@@ -102,7 +102,7 @@ def _add_wheel(
     base_from_link = robot.base_from_link(name)
     joint = next((j for j in robot.joints if j.child == name), None)
     if joint is None:
-        raise DescriptionError(f"robot '{robot.name}': wheel '{name}' has no joint")
+        raise DescriptionError(f"robot '{robot.name}': wheel '{name}' has no joint; add one")
     base_from_wheel = _make_axle_frame(base_from_link[:3, 3], base_from_link[:3, :3] @ joint.axis)
     wheel_from_base = inverse(base_from_wheel)
     body = base.add_body(

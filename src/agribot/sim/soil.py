@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import DescriptionError, describe_range
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Soil, SoilClass, SoilStrength, WorldSpec
 from agribot.sim.tyre import Terrain
@@ -160,7 +160,8 @@ def _weaken(strength: SoilStrength, soil: Soil, mud_ratio: float) -> tuple[SoilK
     """Return the soil with its water, and the share of tan phi that is left."""
     moisture = strength.moisture_ratio
     if not 0.0 <= moisture <= 1.0:
-        raise DescriptionError(f"moisture_ratio {moisture:g} must be from 0 (dry) to 1 (saturated)")
+        wanted = describe_range(0.0, 1.0, "(dry to saturated)")
+        raise DescriptionError(f"moisture_ratio {moisture:g}: {wanted}")
     kind = SOILS["firm" if strength.soil_class == "rigid" else strength.soil_class]
     left = (kind.wet_cone_index_kpa / kind.cone_index_kpa) ** moisture * max(
         mud_ratio, LEAST_STRENGTH_RATIO

@@ -98,7 +98,10 @@ def study_pictures(
         on_progress(len(seen))
     if not seen:
         why = f": {refused[0]}" if refused else ""
-        raise RecordingError(f"{topic.name}: not one of {topic.count} pictures can be read{why}")
+        raise RecordingError(
+            f"{topic.name}: not one of {topic.count} pictures can be read{why}; choose another "
+            "topic"
+        )
     _add_rows(seen, contrasts)
     return CameraStudy(
         topic=topic.name, kind=topic.ros_type, messages=topic.count, refused=tuple(refused),

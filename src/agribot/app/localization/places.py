@@ -21,7 +21,7 @@ def check_place(lat_deg: float, lon_deg: float) -> None:
     what = f"latitude {lat_deg:.9g}, longitude {lon_deg:.9g} is no place in degrees"
     if abs(lat_deg) / PER_DEGREE <= 90.0 and abs(lon_deg) / PER_DEGREE <= 180.0:
         if max(abs(lat_deg), abs(lon_deg)) > PER_DEGREE / 10.0:
-            what += "; it looks like units of 1e-7 degrees: divide both by 1e7"
+            what += "; it looks like units of 1e-7 degrees, divide both by 1e7"
         elif abs(lat_deg) <= 9000.0 and abs(lon_deg) <= 18000.0:
-            what += "; it looks like ddmm.mmmm of NMEA: convert it to degrees"
+            what += "; it looks like ddmm.mmmm of NMEA, convert it to degrees"
     raise BridgeError(what)

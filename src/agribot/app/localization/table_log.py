@@ -14,7 +14,7 @@ from agribot.app.localization.log import LogChannel, LogEntry, LogSample, LogSen
 from agribot.app.localization.places import check_place
 from agribot.app.localization.table_columns import Column, Columns, TimeColumn
 from agribot.app.localization.wheel_ticks import SpeedWheels, TickWheels
-from agribot.core.errors import BridgeError, RecordingError
+from agribot.core.errors import BridgeError, RecordingError, add_advice
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, ImuSample, MagSample
 
 EMPTY = ("", "nan", "null", "none")
@@ -86,7 +86,8 @@ class TableLog:
                 f"{self.path}:{number}: {error}; write numbers in all columns that are not empty"
             ) from error
         except BridgeError as error:
-            raise RecordingError(f"{self.path}:{number}: {error}") from error
+            fact = f"{self.path}:{number}: {error}"
+            raise RecordingError(add_advice(fact, "correct the line, or leave it out")) from error
         for sensor, sample in found:
             if sample is not None:
                 yield LogEntry(sensor, t_s, t_s, "", sample)

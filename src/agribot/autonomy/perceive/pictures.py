@@ -108,7 +108,7 @@ def see_picture(classifier: Classifier, image_rgb: ByteArray) -> SeenPicture:
     """
     height, width = image_rgb.shape[:2]
     if not height or not width:
-        raise PerceptionError(f"picture of {width} x {height} pixels is empty")
+        raise PerceptionError(f"picture of {width} x {height} pixels is empty; check the camera")
     padded = _pad(_thin(image_rgb, classifier.map_shape), classifier.map_shape)
     seen = classifier.segment(padded)
     map_height, map_width = seen.class_id.shape

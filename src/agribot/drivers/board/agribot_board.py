@@ -324,7 +324,7 @@ def _read_pack(options: UriOptions) -> tuple[float, float]:
     full_v = options.pop_number("battery_full_v", 0.0, 0.0, 65.0)
     if bool(empty_v) != bool(full_v) or (full_v and full_v <= empty_v):
         raise ConfigError(
-            f"battery_empty_v={empty_v:g} and battery_full_v={full_v:g}: write both, the full "
-            "one higher, or none"
+            f"battery_empty_v={empty_v:g} and battery_full_v={full_v:g}: not a pair in order; give "
+            "both, the full one higher, or leave both out"
         )
     return empty_v, full_v

@@ -72,7 +72,7 @@ def open_board(
     """
     if not uri_text:
         raise ConfigError(
-            f"platform = 'hardware' needs its motor board: add {EXAMPLE} "
+            f"platform = 'hardware' needs its motor board; add {EXAMPLE} "
             f"(boards: {', '.join(_KINDS)})"
         )
     uri = read_uri("--source", uri_text, f"{BASE}=")
@@ -115,8 +115,8 @@ def _find_line(uri: SourceUri, options: UriOptions, default_baud: int) -> OpenSt
         return lambda: CanStream(uri.path.strip("/"), interface, bitrate)
     if uri.scheme != "serial":
         raise ConfigError(
-            f"--source {BASE}={uri.scheme}:{uri.name}: a motor board is on a serial line, a TCP "
-            f"port or a CAN bus: {EXAMPLE}, tcp://HOST:PORT or can:can0?board=vesc"
+            f"--source {BASE}={uri.scheme}:{uri.name}: not the line of a motor board; give "
+            f"{EXAMPLE}, tcp://HOST:PORT or can:can0?board=vesc"
         )
     extras.require("hardware", f"--source {BASE}=serial:{uri.path}")
     baud = int(options.pop_number("baud", default_baud, 300, 4_000_000))

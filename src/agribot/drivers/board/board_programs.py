@@ -36,7 +36,7 @@ def flash(kind: BoardKind, port: str) -> None:
     """
     avrdude = shutil.which("avrdude")
     if avrdude is None:
-        raise ConfigError("flashing needs the program avrdude: sudo apt install avrdude")
+        raise ConfigError("flashing needs the program avrdude; sudo apt install avrdude")
     if holders := find_holders(port):
         names = " and ".join(sorted(map(str, holders)))
         raise ConfigError(

@@ -76,7 +76,9 @@ def read_axes(text: str) -> Axes:
     matches = [_AXIS.fullmatch(word.strip()) for word in text.split(",")]
     axes = tuple(("xyz".index(m[2]), -1.0 if m[1] else 1.0) for m in matches if m)
     if len(axes) != 3 or len(matches) != 3 or {axis for axis, _ in axes} != {0, 1, 2}:
-        raise ConfigError(f"axes={text}: name x, y and z once each, as in axes=x,-y,-z")
+        raise ConfigError(
+            f"axes={text}: not three axes; name x, y and z once each, as in axes=x,-y,-z"
+        )
     order = [axis for axis, _ in axes]
     is_even = order in ([0, 1, 2], [1, 2, 0], [2, 0, 1])
     handedness = (1.0 if is_even else -1.0) * math.prod(sign for _, sign in axes)

@@ -235,7 +235,7 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:
     """
     text = options.pop_text("axes", "0,1")
     if text not in ("0,1", "1,0"):
-        raise ConfigError(f"axes={text}: write axes=0,1, right before left, or axes=1,0")
+        raise ConfigError(f"axes={text}: unknown; write axes=0,1, right before left, or axes=1,0")
     right = int(text[0])
     return OdriveBoard((right, 1 - right), *read_machine(options))
 
@@ -247,7 +247,9 @@ def read_machine(options: UriOptions) -> tuple[float, str]:
     """
     error = options.pop_text("errors", "error")
     if error not in WATCHDOG_EXPIRED:
-        raise ConfigError(f"errors={error}: firmware 0.5 has error, 0.6 active_errors")
+        raise ConfigError(
+            f"errors={error}: unknown; write error for firmware 0.5, active_errors for 0.6"
+        )
     return options.pop_stated("gear", 0.1, 1000.0, GEAR_HOW), error
 
 

@@ -148,6 +148,6 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveCanBoard:
     nodes = tuple(int(word) for word in words if word.strip().isdecimal())
     if len(words) != 2 or len(set(nodes)) != 2 or max(nodes) > MOST_NODES:
         raise ConfigError(
-            f"nodes={text}: name two nodes up to {MOST_NODES}, right and left, such as nodes=0,1"
+            f"nodes={text}: not two nodes; name right and left, up to {MOST_NODES}, as in nodes=0,1"
         )
     return OdriveCanBoard((nodes[0], nodes[1]), *read_machine(options))

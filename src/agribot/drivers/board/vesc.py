@@ -199,8 +199,8 @@ def read_ids(text: str, example: str) -> tuple[int, ...]:
     ids = tuple(_read_id(word.strip()) for word in text.split(",") if text)
     if len(ids) not in (2, 4) or len(set(ids)) != len(ids):
         raise ConfigError(
-            f"ids={text}: name two controllers, right and left, or four, right rear, left rear, "
-            f"right front and left front, such as {example}"
+            f"ids={text}: not two or four controllers; name right and left, or right rear, left "
+            f"rear, right front and left front, as in {example}"
         )
     return ids
 

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from agribot.core import extras
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 from agribot.core.messages import ByteArray, CameraFrame
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
@@ -175,7 +175,10 @@ class CameraSource:
         try:
             self._grabber: Grabber | None = open_grabber()
         except OSError as error:
-            raise ConfigError(f"camera from {name}: {error.strerror or error}") from error
+            fact = f"camera from {name}: {error.strerror or error}"
+            raise ConfigError(
+                add_advice(fact, "check its power, its cable and who else uses it")
+            ) from error
         self._thread = threading.Thread(target=self._run, name=f"grabs {name}", daemon=True)
         self._thread.start()
 

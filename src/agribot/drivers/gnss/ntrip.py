@@ -88,7 +88,7 @@ def read_caster(text: str) -> Caster:
     is_whole = host and port and mount and is_plain and not (parts.query or parts.fragment)
     if parts.scheme not in ("ntrip", "ntrips") or not is_whole:
         raise ConfigError(
-            f"ntrip={text}: write ntrip://HOST:PORT/MOUNTPOINT, or ntrips:// for one over TLS"
+            f"ntrip={text}: not a caster; write ntrip://HOST:PORT/MOUNTPOINT, or ntrips:// over TLS"
         )
     return Caster(host, port, mount, is_secure)
 
@@ -223,7 +223,9 @@ class AnswerDecoder:
                 else f"the caster wants a login: {LOGIN_HELP}"
             )
         if " 404" in words or "MOUNT" in words:
-            raise CasterRefusal(f"the caster has no mountpoint '{self._caster.mount}' now")
+            raise CasterRefusal(
+                f"the caster has no mountpoint '{self._caster.mount}' now; choose another"
+            )
         if not words.startswith(("HTTP/", "ICY", "ERROR")):
             raise CasterRefusal(_NO_CASTER)
         raise CasterRefusal(

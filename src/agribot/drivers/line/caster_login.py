@@ -44,7 +44,7 @@ def find_login(host: str, environment: Mapping[str, str], home: Path) -> CasterL
     if login_text:
         user, colon, password = login_text.partition(":")
         if not colon or not user:
-            raise ConfigError(f"{LOGIN_VARIABLE}: write USER:WORD")
+            raise ConfigError(f"{LOGIN_VARIABLE}: not a login; write USER:WORD")
         return CasterLogin(user, password)
     path = home / ".netrc"
     try:

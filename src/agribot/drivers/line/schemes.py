@@ -174,7 +174,7 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
     if kind is None or (kind.needs_path and not parts.path.strip("/")):
         kinds = [*_KINDS.values(), *(find_scheme(found) for found in list_names(SOURCES))]
         known = " or ".join(f"{name}{kind.example}" for kind in kinds if kind is not None)
-        raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
+        raise ConfigError(f"{option} {name}{uri}: unknown; write {known}, or leave it out")
     options = tuple(parse_qsl(parts.query, keep_blank_values=True))
     return SourceUri(parts.scheme, parts.netloc, "/" + parts.path.strip("/"), options)
 

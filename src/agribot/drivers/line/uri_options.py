@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, describe_range
 from agribot.core.suggestions import suggest_name
 from agribot.drivers.line.schemes import SourceUri
 
@@ -32,10 +32,8 @@ class UriOptions:
         except ValueError:
             value = math.nan
         if not least <= value <= most:
-            raise ConfigError(
-                f"{self._uri.scheme}:{self._uri.name}?{name}={text}: write a number from "
-                f"{least:g} to {most:g}"
-            )
+            wanted = describe_range(least, most)
+            raise ConfigError(f"{self._uri.scheme}:{self._uri.name}?{name}={text}: {wanted}")
         return value
 
     def pop_stated(self, name: str, least: float, most: float, how: str) -> float:

@@ -47,7 +47,7 @@ def find_suffix(path: Path) -> str:
     for suffix in sorted(FORMATS, key=len, reverse=True):
         if name.endswith(suffix):
             return suffix
-    raise RecordingError(f"{path.name}: a weed map ends with {', '.join(FORMATS)}")
+    raise RecordingError(f"{path.name}: not a weed map; give one of {', '.join(FORMATS)}")
 
 
 def read_map(path: Path, name: str, classes: Mapping[str, str] | None = None) -> PlantTable:

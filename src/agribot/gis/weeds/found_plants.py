@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from agribot.autonomy.weeds.plant_table import ROW, PlantTable, Rows, read_column, round_rows
-from agribot.core.errors import RecordingError
+from agribot.core.errors import RecordingError, add_advice
 from agribot.core.geo import NOWHERE, Datum, MapFrame
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.gis.weeds.records import (
@@ -85,9 +85,8 @@ class _Collector:
             else:
                 self._append(lon_deg, lat_deg, values)
         except (ValueError, TypeError, KeyError, msgspec.MsgspecError) as error:
-            raise RecordingError(
-                f"{self._shown}, plant {self._group + 1}: {_say(error)}"
-            ) from error
+            fact = f"{self._shown}, plant {self._group + 1}: {_say(error)}"
+            raise RecordingError(add_advice(fact, "export it anew")) from error
         self._group += 1
         if len(self._waiting) >= CHUNK:
             self._flush()
@@ -132,7 +131,8 @@ class _Collector:
         try:
             self._flush()
         except (ValueError, TypeError, OverflowError) as error:
-            raise RecordingError(f"{self._shown}: {_say(error)}") from error
+            fact = f"{self._shown}: {_say(error)}"
+            raise RecordingError(add_advice(fact, "export it anew")) from error
         rows, xy_m = np.concatenate(self._parts), np.concatenate(self._xy_parts)
         self._parts.clear()
         lonlat_deg = np.column_stack([rows["x_map_m"], rows["y_map_m"]])
@@ -209,7 +209,8 @@ def _check_degrees(lonlat_deg: FloatArray, shown: str) -> None:
     hint = "its coordinates are not in degrees; convert it to WGS-84 (EPSG:4326) first"
     if (np.abs(lonlat_deg) <= (90.0, 180.0)).all():
         hint = "longitude and latitude are exchanged: longitude comes first"
-    raise RecordingError(f"{shown}, plant {at + 1}: place [{lon_deg:g}, {lat_deg:g}]: {hint}")
+    fact = f"{shown}, plant {at + 1}: place [{lon_deg:g}, {lat_deg:g}]: {hint}"
+    raise RecordingError(add_advice(fact, "exchange them"))
 
 
 def _check_numbers(rows: Rows, shown: str) -> None:
@@ -224,7 +225,8 @@ def _check_numbers(rows: Rows, shown: str) -> None:
     }
     for what, is_wrong in wrong.items():
         if is_wrong.any():
-            raise RecordingError(f"{shown}, plant {int(np.argmax(is_wrong)) + 1}: {what}")
+            plant = int(np.argmax(is_wrong)) + 1
+            raise RecordingError(f"{shown}, plant {plant}: {what}; correct it, or leave it out")
 
 
 def _find_datum(lonlat_deg: FloatArray, xy_m: FloatArray) -> Datum:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import zstandard
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import RecordingError, add_advice
 from agribot.core.sqlite_file import MAGIC as SQLITE_MAGIC
 from agribot.record.bag.folder_bag import FolderBag
 from agribot.record.bag.mcap_bag import McapBag
@@ -81,7 +81,8 @@ def _open_packed(path: Path, unpacked: contextlib.ExitStack) -> Bag:
         bag = _open(inner, unpacked)
     except RecordingError as error:
         why = str(error).replace(str(inner), inner.name)
-        raise RecordingError(f"{path} was unpacked, but {why}") from error
+        fact = f"{path} was unpacked, but {why}"
+        raise RecordingError(add_advice(fact, "take another copy of it")) from error
     bag.kind = f"{bag.kind} in a zstd file"
     bag.damage = (*damage, *bag.damage)
     return bag

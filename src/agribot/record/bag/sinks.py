@@ -222,7 +222,9 @@ def open_sink(
     if path.exists():
         raise RecordingError(f"{path} exists already; remove it or choose another name")
     if compression != "none" and path.suffix != ".bag":
-        raise RecordingError(f"compression {compression} is for a .bag, not for {path.name}")
+        raise RecordingError(
+            f"{path.name}: compression {compression} is for a .bag; leave it out or name a .bag"
+        )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         workshop = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))

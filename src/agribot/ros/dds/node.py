@@ -73,8 +73,8 @@ class DdsNode:
             from cyclonedds.sub import Subscriber
         except ImportError as error:
             raise BridgeError(
-                f"ROS 2 on DDS needs cyclonedds: {format_install('dds')}; it has no wheel for "
-                "Linux on ARM and for Python 3.14, there use --ros2 and rmw_zenoh_cpp"
+                "ROS 2 on DDS needs cyclonedds, which has no wheel for Linux on ARM and for Python "
+                f"3.14; {format_install('dds')}, or use --ros2 and rmw_zenoh_cpp there"
             ) from error
         self._name = name
         user = DdsQos(Policy.Userdata(b"enclave=/;"))

@@ -206,7 +206,7 @@ def _open_session(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
         import zenoh
     except ImportError as error:
         raise BridgeError(
-            f"the ROS 2 bridge needs eclipse-zenoh and xxhash: {format_install('ros')}"
+            f"the ROS 2 bridge needs eclipse-zenoh and xxhash; {format_install('ros')}"
         ) from error
     zenoh.init_log_from_env_or("error")
     roles = {"router": [router]} if listen else {}

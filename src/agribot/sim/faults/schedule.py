@@ -206,7 +206,7 @@ def _read_value(text: str, kind: FaultKind, word: str | None) -> tuple[float, st
     span = kind.value
     size = abs(number) if span.is_signed else number
     if not span.low <= size <= span.high:  # nan is in no span
-        raise ConfigError(f"fault {text}: {kind.name} = {word} is out of range: {wanted}")
+        raise ConfigError(f"fault {text}: {kind.name} = {word} is out of range; give {wanted}")
     return number, ""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, describe_range
 from agribot.core.messages import Vec3
 from agribot.core.suggestions import suggest_name
 from agribot.sim.sensors.noise import HectorNoise
@@ -94,13 +94,14 @@ def check_tuning(sensor: str, parameter: str, value: float) -> None:
             hint = suggest_name(name, known)
             raise ConfigError(f"tuning: unknown {what} '{name}'{hint}; known: {', '.join(known)}")
     if not np.isfinite(value):
-        raise ConfigError(f"tuning {sensor} {parameter} = {value}: write a finite number")
+        raise ConfigError(
+            f"tuning {sensor} {parameter} = {value}: not finite; write a finite number"
+        )
     smallest, largest = find_range(sensor, parameter)
     if value < 0.0 == smallest:
-        raise ConfigError(f"tuning {sensor} {parameter} = {value}: it must not be negative")
+        raise ConfigError(f"tuning {sensor} {parameter} = {value}: negative; give 0 or more")
     if not smallest <= value <= largest:
         unit = {"drift_frequency": "Hz", "scale_error": "times"}.get(parameter, SENSORS[sensor])
         raise ConfigError(
-            f"tuning {sensor} {parameter} = {value:g}: must be within {smallest:g} and "
-            f"{largest:g} {unit}"
+            f"tuning {sensor} {parameter} = {value:g}: {describe_range(smallest, largest, unit)}"
         )
