@@ -510,7 +510,7 @@ def test_a_robot_that_nobody_could_arm_is_refused(
     ("base", "why"),
     [
         ("", "needs its motor board"),
-        ("base=gpsd:", "serial line, a TCP port or a CAN bus"),
+        ("base=gpsd:", "not the line of a motor board"),
         ("base=serial:/dev/nothing?counts_per_turn=2048&full_speed_radps=8.4", "plugged in"),
         ("base=serial:{path}", "agribot calibrate motors"),
         ("base=serial:{path}?counts_per_turn=2048", "full_speed_radps is not stated"),

@@ -44,7 +44,7 @@ def test_an_absent_package_of_a_network_is_named_first(
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("ros1 farm --ros-master BAD", "ROS master BAD: write it as http://HOST:PORT"),
+        ("ros1 farm --ros-master BAD", "ROS master BAD: not an address; write http://HOST:PORT"),
         ("run farm --source imu=ros1:/imu --ros-master BAD", "ROS master BAD"),
         ("run farm --source imu=ros1://robot:99999/imu", "ROS master http://robot:99999"),
         ("run farm --source imu=ros1://[::1/imu", "write imu=ros2:/topic"),
@@ -95,5 +95,5 @@ def test_addresses_of_masters_are_taken_as_they_are(uri: str) -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_address_of_a_master_is_refused(uri: str) -> None:
-    with pytest.raises(ConfigError, match="write it as http://HOST:PORT"):
+    with pytest.raises(ConfigError, match="not an address; write http://HOST:PORT"):
         check_master(uri)

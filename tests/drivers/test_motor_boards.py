@@ -131,7 +131,7 @@ def test_the_charge_follows_from_the_voltages_of_the_pack_and_is_not_known_witho
     "options", ["battery_full_v=25", "battery_empty_v=18", "battery_empty_v=25&battery_full_v=18"]
 )
 def test_half_a_pack_is_refused(options: str) -> None:
-    with pytest.raises(ConfigError, match="write both, the full one higher"):
+    with pytest.raises(ConfigError, match="give both, the full one higher"):
         open_board(f"board=agribot&{options}")
 
 
@@ -295,9 +295,9 @@ def test_the_imu_is_turned_to_the_axes_of_the_body() -> None:
     [
         ("board=arduino", "board=arduino.*known: agribot, vesc, odrive"),
         ("board=agribot&counts_per_turn=90000", "more than the board's messages hold"),
-        ("board=agribot&kp=x", "kp=x: write a number"),
+        ("board=agribot&kp=x", "kp=x: out of range; give 0"),
         ("board=agribot&colour=red", "unknown option 'colour'"),
-        ("board=vesc", "ids=local: name two controllers"),
+        ("board=vesc", "ids=local: not two or four controllers"),
         ("board=vesc&ids=1,999", "'999' is no controller"),
         ("board=odrive&axes=2,3", "axes=2,3"),
     ],

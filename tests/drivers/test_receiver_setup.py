@@ -115,8 +115,8 @@ def test_the_command_sets_up_a_receiver_on_a_line(
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["--rate", "100"], "choose 1 to 20 Hz"),
-        (["--model", "car"], "known are portable, pedestrian, automotive"),
+        (["--rate", "100"], "give 1 to 20 Hz"),
+        (["--model", "car"], "give one of portable, pedestrian, automotive"),
     ],
 )
 def test_what_no_receiver_can_do_is_refused(

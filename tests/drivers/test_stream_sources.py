@@ -69,7 +69,7 @@ def test_bytes_over_tcp_come_again_after_the_other_end_was_gone(opened: Opened) 
     ("uri", "why"),
     [
         ("gnss=serial:/dev/nothing", "plugged in"),
-        ("gnss=serial:{path}?baud=fast", "baud=fast: write a number from 300"),
+        ("gnss=serial:{path}?baud=fast", "baud=fast: out of range; give 300"),
         ("gnss=serial:{path}?bauds=9600", "unknown option 'bauds'; did you mean 'baud'"),
         ("mag=serial:{path}", "not read from a line; give gnss or imu"),
         ("imu=serial:{path}?axes=x,y,-z", "mirror"),

@@ -93,7 +93,7 @@ def test_a_grid_of_too_many_cells_is_refused(tmp_path: Path, capsys: Any) -> Non
 
 def test_a_time_that_is_none_is_refused(tmp_path: Path, capsys: Any) -> None:
     export(tmp_path, "--began", "in May", status=2)
-    assert "--began in May: write a date" in capsys.readouterr().err
+    assert "--began in May: not a time" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("began", ["2026-05-04T09:30+02:00", "2026-05-04T07:30Z"])

@@ -96,5 +96,5 @@ def test_a_clock_that_jumps_neither_moves_nor_locks_the_robot(robot: Robot) -> N
 
 def test_bytes_that_are_no_twist_are_refused_with_their_number() -> None:
     for data in (b"", b"\0" * 51, b"\xff" * 52, b"\x00\x01\x00\x00"):
-        with pytest.raises(BridgeError, match=f"{len(data)} bytes are no geometry_msgs/Twist"):
+        with pytest.raises(BridgeError, match=f"{len(data)} bytes are not geometry_msgs/Twist"):
             read_twist_cdr(data)

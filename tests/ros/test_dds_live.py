@@ -173,7 +173,7 @@ def test_commands_and_goals_of_a_peer_reach_the_inbox() -> None:
         goal = first(lambda: ask("goto", "goal", "map", 2.5, -1.0), "a goal")
         assert goal.request == GoTo(id=goal.request.id, x_map_m=2.5, y_map_m=-1.0)
         assert goal.who == Who("DDS", AskerKind.ROS)
-        refusal = "frame 'moon' is not one of map, odom, wgs84"
+        refusal = "frame 'moon' is unknown; use one of map, odom, wgs84"
 
         def is_refused() -> bool:
             talk("goal", "moon", 0.0, 0.0)

@@ -209,8 +209,8 @@ def test_a_stated_pose_brings_its_sigmas_or_gets_those_of_a_hand() -> None:
     assert isinstance(event.request, CorrectPose)
     assert event.request.pose[3:] == pytest.approx((0.5, math.radians(15.0)))
     for variance, turn, why in (
-        (0.04, {}, "no orientation"), (-1.0, {"w": 1.0}, "not below zero"),
-        (math.nan, {"w": 1.0}, "must be finite"),
+        (0.04, {}, "no orientation"), (-1.0, {"w": 1.0}, "send 0 or more"),
+        (math.nan, {"w": 1.0}, "out of range"),
     ):  # fmt: skip
         assert robot.state(variance, **turn) == []
         assert why in robot.said[-1]
@@ -240,7 +240,7 @@ def test_a_command_is_the_name_of_a_service() -> None:
         assert event.request == request
     assert [e.request.word for e in robot.hear(COMMAND, "pause")] == ["pause"]
     assert robot.hear(COMMAND, "self_destruct") == []
-    assert "'self_destruct' is not one of" in robot.said[-1]
+    assert "'self_destruct' is unknown; send one of" in robot.said[-1]
     watched = Robot(allow_drive=False)
     assert watched.hear(COMMAND, "resume") == []
     assert [e.request.word for e in watched.hear(COMMAND, "stop")] == ["stop"]
@@ -265,4 +265,4 @@ def test_bytes_that_are_no_message_are_refused(topic: Topic, data: bytes) -> Non
     robot = Robot()
     robot.inbound.take(topic, data, "ROS 2")
     assert robot.inbox.drain(1.0) == ((), ())
-    assert f"bytes are no {topic.ros_type}" in robot.said[-1]
+    assert f"bytes are not {topic.ros_type}" in robot.said[-1]

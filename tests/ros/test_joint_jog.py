@@ -197,7 +197,7 @@ def test_joints_that_the_robot_lacks_and_networks_that_are_none_are_refused(
     table = read_table(path, 1.0, 0.1)
     with pytest.raises(ConfigError, match=r"robot agribot has no joint 'mast_tilt' .* has: none;"):
         open_with(table, "--joints", "ros1:")
-    with pytest.raises(ConfigError, match="mast_up moves joints: say over which network"):
+    with pytest.raises(ConfigError, match="mast_up moves joints; name their network"):
         open_with(table, "--description", masted)
     with pytest.raises(ConfigError, match="--joints tcp:: write ros1:, ros1://HOST:PORT"):
         open_with(table, "--description", masted, "--joints", "tcp:")

@@ -113,7 +113,7 @@ def test_an_encoding_that_is_not_read_is_named_once_with_those_that_are(
     with camera(ros1, "/bayer/image_raw", "bayer_rggb8", PICTURE[..., 0].tobytes()):
         assert main(["live", f"ros1://{master}/bayer/image_raw", "--patience", "3"]) == 1
     said = capsys.readouterr().err
-    assert "encoding bayer_rggb8 is not one of rgb8, bgr8" in said
+    assert "encoding bayer_rggb8 is unknown; send one of rgb8, bgr8" in said
     assert len([line for line in said.splitlines() if line.startswith("agribot live: frames")]) == 1
     assert "no frame for 3.0 s after 0 frames; what comes cannot be shown" in said
 

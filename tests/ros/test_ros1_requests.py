@@ -136,7 +136,10 @@ def test_a_goal_that_is_none_is_rejected_and_one_beyond_the_fence_aborted(robot:
     robot.send("nan", math.nan, 1.0)
     assert robot.result("nan") == (REJECTED, "the position nan, 1 is not finite")
     robot.send("frame", 1.0, 1.0, frame="base_link")
-    assert robot.result("frame") == (REJECTED, "frame 'base_link' is not one of map, odom, wgs84")
+    assert robot.result("frame") == (
+        REJECTED,
+        "frame 'base_link' is unknown; use one of map, odom, wgs84",
+    )
     robot.send("far", 500.0, 1.0)
     status, text = robot.result("far")
     assert status == ABORTED

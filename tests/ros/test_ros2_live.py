@@ -319,7 +319,9 @@ def test_a_twist_that_is_no_number_reaches_the_supervisor_as_such(drivable: Robo
 def test_bytes_that_are_no_twist_are_refused_with_their_length(drivable: Robot) -> None:
     for broken in (b"", b"\0\1\0\0", twist(0.5, 0.0)[:-3], twist(0.5, 0.0) + b"\0" * 8):
         drivable.send(broken)
-    wait_for(lambda: sum("no geometry_msgs/Twist" in t for t in drivable.said) == 4, "the refusals")
+    wait_for(
+        lambda: sum("not geometry_msgs/Twist" in t for t in drivable.said) == 4, "the refusals"
+    )
     assert newest(drivable) is None
     drivable.send(twist(0.25, 0.0))
     assert next_drive(drivable) == (0.25, 0.0)

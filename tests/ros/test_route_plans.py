@@ -97,10 +97,15 @@ def test_a_route_of_mapviz_is_longitude_and_latitude() -> None:
     ("frame", "poses", "options", "why"),
     [
         ("map", (at(900.0, 0.0),), {}, "beyond the fence"),
-        ("moon", (at(1.0, 0.0),), {}, "frame 'moon' is not one of map, odom, wgs84"),
+        ("moon", (at(1.0, 0.0),), {}, "frame 'moon' is unknown; use one of map, odom, wgs84"),
         ("map", (), {}, "0 waypoints; give 1 to 50"),
         ("map", (at(math.nan, 0.0),), {}, "is not finite"),
-        ("map", (at(1.0, 0.0),), {"from_robot": False}, "has two waypoints, or one and plan_from"),
+        (
+            "map",
+            (at(1.0, 0.0),),
+            {"from_robot": False},
+            "of one waypoint; give two, or set plan_from",
+        ),
         ("map", (at(*HERE[:2]),), {}, "the route has no length"),
         ("map", (at(1.0, 0.0),), {"is_running": False}, "neither place nor heading yet"),
     ],

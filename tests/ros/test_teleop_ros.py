@@ -87,7 +87,7 @@ def test_a_stamped_twist_has_the_time_of_the_wall_and_the_frame_of_the_robot() -
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--ros1", "--topic", "cmd vel"), "write a name such as"),
+        (("--ros1", "--topic", "cmd vel"), "not a name; write one such as"),
         (("--ros1", "--rate", "8"), "at least 10 Hz"),
         (("--ros1", "nowhere"), "http://HOST:PORT"),
         (("--ros1", "--take-over"), "--take-over is for a robot with a page"),

@@ -76,7 +76,7 @@ class PeerFrames:
     def _find_pose(self, frame: str, x: float, y: float) -> tuple[float, float, float]:
         """Convert to x, y and how far the frame is turned in the map."""
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise BridgeError(f"the position {x:g}, {y:g} is not finite")
+            raise BridgeError(f"the position {x:g}, {y:g} is not finite; send finite numbers")
         name = frame.lstrip("/")
         if name in {"", MAP_FRAME}:
             return x, y, 0.0
@@ -86,7 +86,7 @@ class PeerFrames:
             map_from_odom = self._read_odom()
             x_m, y_m = map_from_odom.transform(x, y)
             return x_m, y_m, map_from_odom.yaw_rad
-        raise BridgeError(f"frame '{name[:80]}' is not one of {', '.join(KNOWN)}")
+        raise BridgeError(f"frame '{name[:80]}' is unknown; use one of {', '.join(KNOWN)}")
 
     def _from_earth(self, lon_deg: float, lat_deg: float) -> tuple[float, float]:
         if self._earth is None:
@@ -123,5 +123,7 @@ def read_yaw(quaternion: Any) -> float | None:
     if norm < _LEAST_NORM:
         return None
     if not abs(norm - 1.0) < _NORM_TOLERANCE:  # written this way, NaN is refused, too
-        raise BridgeError(f"the orientation {x:g}, {y:g}, {z:g}, {w:g} has not the length 1")
+        raise BridgeError(
+            f"the orientation {x:g}, {y:g}, {z:g}, {w:g} has not the length 1; normalise it"
+        )
     return math.atan2(2.0 * (w * z + x * y), norm * norm - 2.0 * (y * y + z * z))

@@ -202,9 +202,9 @@ def find_places(frames: PeerFrames, points: Sequence[tuple[str, Any]]) -> tuple[
     Raises: BridgeError: none or too many, not finite, or a frame is unknown.
     """
     if not points:
-        raise BridgeError("it has no poses")
+        raise BridgeError(f"it has no poses; send 1 to {_MOST_PLACES}")
     if len(points) > _MOST_PLACES:
-        raise BridgeError(f"it has {len(points)} poses, more than {_MOST_PLACES}")
+        raise BridgeError(f"it has {len(points)} poses; send at most {_MOST_PLACES}")
     return tuple((*frames.find_place(frame, point.x, point.y), None) for frame, point in points)
 
 

@@ -13,6 +13,7 @@ from agribot.core.errors import BridgeError
 from agribot.core.messages import AnyRequest, ControlMission, PointOut
 from agribot.core.request_text import describe_request
 from agribot.core.topics import Topic
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.frames import PeerFrames
 from agribot.ros.goals import GoalBook, PeerGoal, find_places
 from agribot.ros.messages.rosmsg import load_types
@@ -113,7 +114,7 @@ class InboundTopics:
     def _take_command(self, message: Any, source: str) -> None:
         word = message.data.strip()[:_MOST_TEXT]
         if word not in _COMMANDS:
-            raise BridgeError(f"'{word}' is not one of {', '.join(sorted(_COMMANDS))}")
+            raise BridgeError(f"'{word}' is unknown; send one of {', '.join(sorted(_COMMANDS))}")
         self._requests.post(_COMMANDS[word], source)
 
 
@@ -121,4 +122,4 @@ def _decode(topic: Topic, data: bytes) -> Any:
     try:
         return load_types().deserialize_cdr(data, topic.ros_type)
     except Exception as error:  # the generated code of rosbags raises any error
-        raise BridgeError(f"{len(data)} bytes are no {topic.ros_type}") from error
+        raise make_undecodable(data, topic.ros_type) from error

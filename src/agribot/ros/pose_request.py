@@ -53,7 +53,7 @@ def read_stated_pose(
         raise BridgeError("the pose has no orientation; a robot that looks East has w: 1.0")
     variances = [float(message.pose.covariance[place]) for place in (_X, _Y, _YAW)]
     if not all(math.isfinite(variance) and variance >= 0.0 for variance in variances):
-        raise BridgeError(f"the variances {variances} must be finite and not below zero")
+        raise BridgeError(f"the variances {variances} are out of range; send 0 or more")
     return (x_m, y_m, yaw_rad), (math.sqrt(max(variances[:2])), math.sqrt(variances[2]))
 
 

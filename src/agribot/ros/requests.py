@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from agribot.autonomy.plan.ways.curves import Place
-from agribot.core.errors import BridgeError
 from agribot.core.messages import (
     AddNote,
     AnyRequest,
@@ -32,6 +31,7 @@ from agribot.core.messages import (
     RequestWord,
     Who,
 )
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.robot_link import OnAnswer, OnOutcome, RobotLink
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ def read_twist_cdr(data: bytes) -> Twist:
     Raises: BridgeError: the bytes are no twist.
     """
     if len(data) != 52 or data[:2] not in {b"\x00\x01", b"\x00\x00"}:
-        raise BridgeError(f"{len(data)} bytes are no geometry_msgs/Twist, which has 52 in CDR")
+        raise make_undecodable(data, "geometry_msgs/Twist, which has 52 in CDR")
     order = "<" if data[1] else ">"
     a, b, c, d, e, f = struct.unpack_from(order + "6d", data, 4)
     return (a, b, c, d, e, f)

@@ -56,7 +56,7 @@ class RoutePlanner:
     def _plan_legs(self, frame: str, poses: Sequence[Any], *, from_robot: bool) -> list[Path]:
         plan_way, here = self._requests.plan_way, self._read_estimate(from_robot=from_robot)
         if plan_way is None:
-            raise BridgeError("this robot has no planner")
+            raise BridgeError("this robot has no planner; start it with a mission")
         if not 0 < len(poses) <= _MOST_PLACES:
             raise BridgeError(f"{len(poses)} waypoints; give 1 to {_MOST_PLACES}")
         places = [self._frames.find_pose(frame, pose) for pose in poses]
@@ -88,7 +88,7 @@ class RoutePlanner:
 def _stand_at_first(here: Estimate, places: Sequence[Place]) -> Estimate:
     """Begin at the first place, and where its heading is open look at the second."""
     if len(places) < 2:
-        raise BridgeError("a route has two waypoints, or one and plan_from_vehicle")
+        raise BridgeError("a route of one waypoint; give two, or set plan_from_vehicle")
     (x_m, y_m, yaw_rad), after = places[0], places[1]
     if yaw_rad is None:
         yaw_rad = math.atan2(after[1] - y_m, after[0] - x_m)

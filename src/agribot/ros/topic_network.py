@@ -62,8 +62,9 @@ def check_definition(types: Typestore, name: str, ros_type: str, type_hash: str,
     Raises: BridgeError: the type is not known, or is another one.
     """
     if ros_type not in types.fielddefs:
-        raise BridgeError(f"{name}: the type {ros_type} is not known")
+        raise BridgeError(f"{name}: the type {ros_type} is unknown; use one of ROS 2 Jazzy")
     if type_hash and type_hash != types.hash_rihs01(ros_type):
         raise BridgeError(
-            f"{name}: {ros_type} of {node} has another definition than in ROS 2 Jazzy"
+            f"{name}: {ros_type} of {node} has another definition than in ROS 2 Jazzy; build it "
+            "anew"
         )

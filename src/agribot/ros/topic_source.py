@@ -63,7 +63,7 @@ class TopicSource:
         read = self._readers.get(ros_type)
         try:
             if read is None:
-                raise BridgeError(f"{ros_type} is not one of {', '.join(self._readers)}")
+                raise BridgeError(f"{ros_type} is not read; send {' or '.join(self._readers)}")
             message = self._connection.decode(ros_type, data)
             sample = read(message, 0.0)
         except BridgeError as error:

@@ -76,7 +76,9 @@ def make_twist_topic(name: str, *, is_stamped: bool) -> Topic:
     Raises: ConfigError: it is no name of a topic.
     """
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"--topic {name}: write a name such as {CMD_VEL.name} or /cmd_vel")
+        raise ConfigError(
+            f"--topic {name}: not a name; write one such as {CMD_VEL.name} or /cmd_vel"
+        )
     return Topic(name=name, ros_type=STAMPED if is_stamped else CMD_VEL.ros_type)
 
 

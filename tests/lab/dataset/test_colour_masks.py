@@ -177,7 +177,7 @@ def test_a_mask_of_black_and_white_is_read_as_ids_say(ids: str, tmp_path: Path) 
     ("text", "words"),
     [
         ("80000=crop", "a colour RRGGBB"),
-        ("0=soil,800000=crop", "either values or colours"),
+        ("0=soil,800000=crop", "values and colours; name either"),
         ("800000=crop,800000=weed", "given twice"),
     ],
 )

@@ -157,7 +157,10 @@ def test_a_save_whose_answer_was_lost_may_be_sent_again(root: Path, client: Clie
 
 @pytest.mark.parametrize(
     ("body", "said"),
-    [(b"\x00" * 7, "120 x 90 pixels"), (b"\x07" * (WIDTH * HEIGHT), "values that are no class")],
+    [
+        (b"\x00" * 7, "120 x 90 pixels"),
+        (b"\x07" * (WIDTH * HEIGHT), "the classes hold other values"),
+    ],
 )
 def test_classes_that_cannot_be_those_of_the_picture_are_refused(
     body: bytes, said: str, root: Path, client: Client

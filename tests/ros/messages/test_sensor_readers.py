@@ -54,7 +54,7 @@ def test_a_scan_that_went_out_comes_in_the_same_and_names_what_is_too_near_or_di
     told = read("scans", message, robot=robot).ranges_m.tolist()
     assert told == [math.inf, -math.inf, math.inf], "0 by many drivers, too near, too far"
     message.angle_increment = math.nan
-    with pytest.raises(BridgeError, match="is no scan"):
+    with pytest.raises(BridgeError, match="send rays and finite limits"):
         read("scans", message, robot=robot)
     with pytest.raises(ConfigError, match="description has no lidar"):
         make_readers("scans", ROBOT)

@@ -283,7 +283,7 @@ def test_joints_that_tell_no_motion_or_half_of_it_are_refused(
 
 def test_joints_without_speeds_and_without_a_stamp_are_refused() -> None:
     reader = make_readers("wheels", ROBOT)["sensor_msgs/msg/JointState"]
-    with pytest.raises(BridgeError, match="without a stamp states no distance"):
+    with pytest.raises(BridgeError, match="without a stamp state no distance"):
         reader(make_joints(0.0, [1.0] * 4, []), 0.0)
 
 

@@ -36,7 +36,9 @@ def read_twist(twist: Any) -> TwistSample:
     """Read forward speed and yaw rate. Raises: BridgeError: one is not finite."""
     v_mps, yaw_rate_radps = float(twist.linear.x), float(twist.angular.z)
     if not math.isfinite(v_mps + yaw_rate_radps):
-        raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is not finite")
+        raise BridgeError(
+            f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is not finite; it is left out"
+        )
     return TwistSample(t_s=0.0, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
 
 
@@ -112,12 +114,15 @@ def _find_side(message: Any, side: str) -> list[int]:
 def _mean_wheel(message: Any, at: list[int], side: str) -> tuple[float, float]:
     if not at or max(at) >= min(len(message.position), len(message.velocity)):
         raise BridgeError(
-            f"joints {', '.join(message.name)} have no {side} wheel with position and velocity"
+            f"joints {', '.join(message.name)} have no {side} wheel with position and velocity; "
+            "name the joints of wheels by their side"
         )
     angle_rad = sum(float(message.position[i]) for i in at) / len(at)
     speed_radps = sum(float(message.velocity[i]) for i in at) / len(at)
     if not math.isfinite(angle_rad + speed_radps):
-        raise BridgeError(f"the {side} wheels have {angle_rad} rad and {speed_radps} rad/s")
+        raise BridgeError(
+            f"the {side} wheels have {angle_rad} rad and {speed_radps} rad/s; it is left out"
+        )
     return angle_rad, speed_radps
 
 

@@ -185,7 +185,7 @@ def choose_scenarios(
     ]
     if not chosen:
         kind = "with a camera" if has_camera else "without a camera"
-        raise ConfigError(f"no scenario {kind} has one of these faults: {', '.join(faults)}")
+        raise ConfigError(f"no scenario {kind} has {' or '.join(faults)}; name other faults")
     drives = dict.fromkeys(leave_out_fault(scenario) for scenario in chosen)
     return (*drives, *chosen)
 

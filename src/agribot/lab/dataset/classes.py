@@ -64,7 +64,7 @@ def read_ids(text: str | None) -> dict[int, int] | None:
             raise ConfigError(f"--ids {text}: value {value} is given twice; give it once")
         ids[key] = NAMES[name]
     if len({key < COLOUR for key in ids}) > 1:
-        raise ConfigError(f"--ids {text}: name either values or colours, not both")
+        raise ConfigError(f"--ids {text}: names values and colours; name either")
     return ids if names_colours(ids) else {UNLABELLED: UNLABELLED, **ids}
 
 

@@ -108,8 +108,8 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
     world = scenes.field(rng)
     if len(world.plants) > MOST_INSTANCES:
         raise RecordingError(
-            f"field {job.field} has {len(world.plants)} plants, more than the {MOST_INSTANCES} "
-            "that an instance mask can hold"
+            f"field {job.field} has {len(world.plants)} plants, and an instance mask holds at most "
+            f"{MOST_INSTANCES}; choose another --variety"
         )
     look = scenes.look(rng)
     renderer = CameraRenderer(world, appearance=look, threads=1, finer=scenes.finer)

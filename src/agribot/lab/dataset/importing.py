@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from agribot.autonomy.perceive.plant_cover import excess_green
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import ConfigError, RecordingError, add_advice
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.dataset.classes import GREENER, NAMES
 from agribot.lab.dataset.foreign.coco import is_coco, read_coco
@@ -49,6 +49,7 @@ NO_LABELS = re.compile(
     r"(\.txt)?|data\.ya?ml|dataset\.ya?ml"
 )
 ANY = "*"
+EXPORT = "export it anew"
 EXAMPLE = "--classes crop=beet,maize weed=*"
 
 
@@ -78,12 +79,14 @@ def read_class_names(words: Sequence[str]) -> dict[str, int]:
         kind, _, names = word.partition("=")
         if kind not in NAMES or not names:
             raise ConfigError(
-                f"--classes {word}: write CLASS=NAME,NAME with a class of {', '.join(NAMES)}, "
-                f"such as {EXAMPLE}"
+                f"--classes {word}: not classes; write CLASS=NAME,NAME with a class of "
+                f"{', '.join(NAMES)}, as in {EXAMPLE}"
             )
         for name in names.split(","):
             if name.strip() in meaning:
-                raise ConfigError(f"--classes {word}: '{name.strip()}' is given twice")
+                raise ConfigError(
+                    f"--classes {word}: '{name.strip()}' is given twice; give it once"
+                )
             meaning[name.strip()] = NAMES[kind]
     return meaning
 
@@ -125,7 +128,7 @@ def read_label_files(files: Sequence[Path], tool: str, problems: list[str]) -> I
         try:
             yield LabelFile(path=path, pictures=tuple(_read_file(path, tool)))
         except LabelFileError as error:
-            problems.append(f"{path}: {error}")
+            problems.append(add_advice(f"{path}: {error}", EXPORT))
 
 
 def _read_file(path: Path, tool: str) -> list[LabelledPicture]:
@@ -259,7 +262,7 @@ class _Writer:
             label = paint(picture, image_rgb.shape[:2], self.meaning)
             key = self._write(path, label)
         except (LabelFileError, PictureError) as error:
-            text = str(error)
+            text = add_advice(str(error), EXPORT)
             self.problems.append(text if picture.file in text else f"{picture.file}: {text}")
             return
         self.without_area += [f"{path.name}: {reason}" for reason in picture.left_out]

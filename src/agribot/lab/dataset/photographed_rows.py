@@ -39,8 +39,8 @@ from agribot.lab.dataset.taught_set import TaughtSet
 # Least ratio of pictures whose crop gathers along the rows to those whose crop gathers across.
 LEAST_DOMINANCE = 2.0
 NEEDED = (
-    "Give pictures from straight above with one row in each, all down the pictures or all across "
-    "them; try another --model, or label some by hand (agribot label)"
+    "give pictures from straight above with one row in each, all down the pictures or all across "
+    "them, try another --model, or label some by hand (agribot label)"
 )
 PASSES = 3  # passes over all pictures: the rows' direction, their places, their contents
 Progress = Callable[[int], None]
@@ -175,7 +175,7 @@ class PhotographedRows:
             raise ConfigError(
                 f"of {len(self)} pictures, the crop that the network sees gathers along a line "
                 f"{direction} {len(rows)} of them and {other} {len(crossing)}: these show no rows "
-                f"that run alike. {NEEDED}"
+                f"that run alike; {NEEDED}"
             )
         return RowsOfSet(direction, band, median(row.turn_rad for row in rows))
 
@@ -192,5 +192,5 @@ class PhotographedRows:
                 rows[path] = search.row
                 profile.add(score, search.row)
         if not rows:
-            raise ConfigError(f"no picture shows a single row of crop. {NEEDED}")
+            raise ConfigError(f"no picture shows a single row of crop; {NEEDED}")
         return rows, profile.find_half_ratio()

@@ -92,7 +92,7 @@ def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise PictureError(f"{path}: has too many pixels; cut it into pieces ({error})") from error
     except (OSError, SyntaxError, ValueError) as error:
-        raise PictureError(f"{path}: is no picture ({_explain(error)})") from error
+        raise PictureError(f"{path}: is not a picture ({_explain(error)}); leave it out") from error
     if image.width * image.height > most_px:
         image.close()
         raise PictureError(

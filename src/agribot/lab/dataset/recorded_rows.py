@@ -92,7 +92,8 @@ class RecordedPictures:
             if pixels.shape[:2] != self._size_px:
                 raise RecordingError(
                     f"{self.path}: picture {number} is {pixels.shape[1]} x {pixels.shape[0]} "
-                    f"pixels, the robot's camera takes {self._size_px[1]} x {self._size_px[0]}"
+                    f"pixels, the robot's camera takes {self._size_px[1]} x {self._size_px[0]}; "
+                    "leave this drive out"
                 )
             yield number, jpeg, pixels
 

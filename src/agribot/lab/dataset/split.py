@@ -144,7 +144,7 @@ def read_ratios(text: str) -> tuple[float, ...]:
     except ValueError:
         ratios = ()
     if len(ratios) != 3 or not all(0.0 <= r < math.inf for r in ratios) or not sum(ratios):
-        raise ConfigError(f"--ratios {text}: write three shares such as 70,15,15 (train,val,test)")
+        raise ConfigError(f"--ratios {text}: not shares; write train, val and test as in 70,15,15")
     return ratios
 
 

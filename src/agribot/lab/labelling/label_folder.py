@@ -128,7 +128,7 @@ class LabelFolder:
         """
         item = self._item(number)
         if not np.isin(class_id, CLASSES).all():
-            raise ConfigError(f"{item.key}: the classes hold values that are no class")
+            raise ConfigError(f"{item.key}: the classes hold other values; save 0, 1, 2 or 255")
         try:
             with self._saving:
                 item = self._item(number)

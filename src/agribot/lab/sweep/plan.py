@@ -44,7 +44,9 @@ def plan(
     keys = [axis[0].partition("=")[0] for axis in axes] + ["seed"]
     double = {key for key in keys if keys.count(key) > 1}
     if double:
-        raise ConfigError(f"--vary {double.pop()}: give each setting once, and seeds with --seeds")
+        raise ConfigError(
+            f"--vary {double.pop()}: given twice; give each setting once, and seeds with --seeds"
+        )
     combinations = list(itertools.product(*axes))
     count = len(combinations) * len(seeds)
     if count > MOST_RUNS:
@@ -77,7 +79,9 @@ def read_seeds(text: str) -> tuple[int, ...]:
         found = re.fullmatch(r"(\d+)(?:-(\d+))?", word.strip())
         first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
         if not first <= last < first + MOST_RUNS:
-            raise ConfigError(f"--seeds {text}: write numbers and ranges such as 1-8 or 1,3,10-12")
+            raise ConfigError(
+                f"--seeds {text}: not seeds; write numbers and ranges, as in 1-8 or 1,3,10-12"
+            )
         seeds |= dict.fromkeys(range(first, last + 1))
     return tuple(seeds)
 
@@ -86,5 +90,5 @@ def _parse_axis(text: str) -> list[str]:
     key, _, values = text.partition("=")
     words = [word.strip() for word in values.split(",")]
     if not key.strip() or not all(words):
-        raise ConfigError(f"--vary {text}: write a setting with its values, key.subkey=1,2,3")
+        raise ConfigError(f"--vary {text}: not a setting with values; write key.subkey=1,2,3")
     return [f"{key.strip()}={word}" for word in words]

@@ -21,10 +21,12 @@ def read_size(text: str, multiple_px: int = 1) -> tuple[int, int]:
     """
     words = text.lower().split("x")
     if len(words) != 2 or not all(word.isdigit() and int(word) for word in words):
-        raise ConfigError(f"size {text}: write width and height in pixels, such as 512x384")
+        raise ConfigError(
+            f"size {text}: not a size; write width and height in pixels, as in 512x384"
+        )
     width_px, height_px = (int(word) for word in words)
     if width_px % multiple_px or height_px % multiple_px:
-        raise ConfigError(f"size {text}: both must be multiples of {multiple_px} pixels")
+        raise ConfigError(f"size {text}: out of step; give multiples of {multiple_px} pixels")
     return height_px, width_px
 
 

@@ -272,8 +272,9 @@ def split_fold(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair]
     """
     if not 2 <= folds <= len(pairs) or not 0 <= fold < folds:
         raise ConfigError(
-            f"--fold {fold} of --folds {folds} with {len(pairs)} images: folds must be from 2 to "
-            "the number of images, the fold from 0 to one less"
+            f"--fold {fold} of --folds {folds}: out of range; give 2 to {len(pairs)} folds, as "
+            "many "
+            "as images, and a fold from 0 to one less"
         )
     groups = sorted({pair.group for pair in pairs})
     if len(groups) >= folds:

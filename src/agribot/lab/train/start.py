@@ -26,7 +26,7 @@ def load_imagenet(model: str, network: nn.Module) -> None:
     load = find_architecture(model).load_imagenet
     if load is None:
         known = [name for name, one in ARCHITECTURES.items() if one.load_imagenet]
-        raise ConfigError(f"--start {IMAGENET}: not for {model}, only for {', '.join(known)}")
+        raise ConfigError(f"--start {IMAGENET}: not for {model}; train {' or '.join(known)}")
     load(network)
 
 

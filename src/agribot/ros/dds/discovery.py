@@ -11,6 +11,7 @@ from agribot.core.errors import BridgeError
 from agribot.core.topics import Qos
 from agribot.ros.dds.node import NODES, DdsNode
 from agribot.ros.dds.types import load_dds_types
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.graph import Graph, make_graph
 from agribot.ros.messages.dds_names import from_dds_name
 
@@ -110,7 +111,7 @@ def _decode_nodes(data: bytes) -> Any:
     try:
         return load_dds_types().deserialize_cdr(data, NODES.ros_type)
     except Exception as error:  # the generated code of rosbags raises any error
-        raise BridgeError(f"{len(data)} bytes are no {NODES.ros_type}") from error
+        raise make_undecodable(data, NODES.ros_type) from error
 
 
 def read_user_data(qos: Any, key: str) -> str:

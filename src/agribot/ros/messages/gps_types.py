@@ -140,7 +140,9 @@ def read_place(message: Any) -> tuple[float, float, float] | None:
         return None
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0) or math.isinf(alt_m):
         place = (lat_deg, lon_deg, alt_m)
-        raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
+        raise BridgeError(
+            f"latitude, longitude and altitude {place} are no place on Earth; send degrees and m"
+        )
     return lat_deg, lon_deg, alt_m
 
 

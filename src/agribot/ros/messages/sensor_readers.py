@@ -161,7 +161,10 @@ def read_scan(message: Any, t_s: float) -> LaserScan:
     angles = float(message.angle_min), float(message.angle_increment)
     ranges_m = np.array(message.ranges, dtype=float)
     if not math.isfinite(sum(limits) + sum(angles)) or not len(ranges_m):
-        raise BridgeError(f"a scan of {len(ranges_m)} rays with {limits} and {angles} is no scan")
+        raise BridgeError(
+            f"a scan of {len(ranges_m)} rays with {limits} and {angles}; send rays and finite "
+            "limits"
+        )
     ranges_m[(ranges_m > limits[1]) | (ranges_m == 0.0)] = np.inf
     ranges_m[ranges_m < limits[0]] = -np.inf
     return LaserScan(
@@ -187,14 +190,18 @@ class ImageReader:
 
     def read_raw(self, message: Any, t_s: float) -> CameraFrame:
         if message.encoding not in _CHANNELS:
-            raise BridgeError(f"encoding {message.encoding} is not one of {', '.join(_CHANNELS)}")
+            raise BridgeError(
+                f"encoding {message.encoding} is unknown; send one of {', '.join(_CHANNELS)}"
+            )
         count, order = _CHANNELS[message.encoding]
         height, width, step = int(message.height), int(message.width), int(message.step)
         data = np.asarray(message.data, dtype=np.uint8)
         is_deep = message.encoding.endswith("16")
         used = width * count * (2 if is_deep else 1)
         if step < used or data.size < height * step:
-            raise BridgeError(f"{data.size} bytes are no image of {width} x {height} pixels")
+            raise BridgeError(
+                f"{data.size} bytes are no image of {width} x {height} pixels; send whole rows"
+            )
         rows = data[: height * step].reshape(height, step)[:, :used]
         if is_deep:
             order_of_bytes = ">u2" if message.is_bigendian else "<u2"
@@ -209,7 +216,9 @@ class ImageReader:
                 return self._make_frame(np.repeat(grey[..., None], 3, axis=2), t_s)
             pixels = np.asarray(image.convert("RGB"))
         except (OSError, ValueError, Image.DecompressionBombError) as error:
-            raise BridgeError(f"{len(message.data)} bytes are no picture: {error}") from error
+            raise BridgeError(
+                f"{len(message.data)} bytes are no picture: {error}; send JPEG or PNG"
+            ) from error
         return self._make_frame(pixels, t_s)
 
     def _narrow(self, pixels: Pixels) -> ByteArray:
@@ -221,7 +230,7 @@ class ImageReader:
             wanted = "no camera" if self._shape is None else f"{self._shape[1]} x {self._shape[0]}"
             raise BridgeError(
                 f"an image of {image_rgb.shape[1]} x {image_rgb.shape[0]} pixels, but the robot's "
-                f"description has {wanted}"
+                f"description has {wanted}; set the camera, or the description"
             )
         self._index += 1
         return CameraFrame(
@@ -232,5 +241,5 @@ class ImageReader:
 def _read_finite(vector: Any, what: str) -> Vec3:
     x, y, z = float(vector.x), float(vector.y), float(vector.z)
     if not math.isfinite(x + y + z):
-        raise BridgeError(f"{what} {(x, y, z)} is not finite")
+        raise BridgeError(f"{what} {(x, y, z)} is not finite; send finite numbers")
     return (x, y, z)

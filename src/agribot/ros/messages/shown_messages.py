@@ -81,7 +81,7 @@ def show_message(message: Any, place: Place) -> ShownMessage:
     """
     ros_type = message.__msgtype__
     if ros_type not in _SHOWERS:
-        raise BridgeError(f"no display reads {ros_type}")
+        raise BridgeError(f"no display reads {ros_type}; choose another topic")
     return _SHOWERS[ros_type](message, place)
 
 

@@ -52,11 +52,13 @@ def show_disparity(message: Any) -> tuple[Value, str]:
     """
     image = message.image
     if image.encoding != "32FC1":
-        raise BridgeError(f"disparities are 32FC1, not {image.encoding[:20]}")
+        raise BridgeError(f"disparities of encoding {image.encoding[:20]}; send 32FC1")
     width, height, step = int(image.width), int(image.height), int(image.step)
     data = np.asarray(image.data, dtype=np.uint8)
     if step < 4 * width or data.size < height * step or width * height == 0:
-        raise BridgeError(f"{data.size} bytes are no image of {width} x {height} pixels")
+        raise BridgeError(
+            f"{data.size} bytes are no image of {width} x {height} pixels; send whole rows"
+        )
     rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, : 4 * width])
     values = rows.view(">f4" if image.is_bigendian else "<f4")
     every = max(1, math.ceil(max(width, height) / MOST_DISPARITY_PX))

@@ -53,7 +53,9 @@ def find_zone(lat_deg: float, lon_deg: float) -> UtmZone:
     Raises: RecordingError: beyond 80 degrees South or 84 degrees North there is no UTM.
     """
     if not -80.0 <= lat_deg <= 84.0:
-        raise RecordingError(f"latitude {lat_deg:.4f}: UTM ends at 80 degrees South and 84 North")
+        raise RecordingError(
+            f"latitude {lat_deg:.4f}: UTM ends at 80 degrees South and 84 North; use map frames"
+        )
     lon_deg = (lon_deg + 180.0) % 360.0 - 180.0
     number = min(int((lon_deg + 180.0) // 6.0) + 1, 60)
     if 56.0 <= lat_deg < 64.0 and 3.0 <= lon_deg < 12.0:

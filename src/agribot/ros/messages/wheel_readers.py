@@ -31,7 +31,7 @@ class JointReader:
     def __call__(self, message: Any, t_s: float) -> WheelSample | None:
         at = {name: index for index, name in enumerate(message.name)}
         if not all(name in at for name in self._names):
-            raise BridgeError(f"joints {', '.join(message.name)} have not all of {self._names}")
+            raise BridgeError(f"joints {', '.join(message.name)}; send all of {self._names}")
         angles_rad = self._pick_wheels(message.position, at, "positions")
         speeds_radps = self._pick_wheels(message.velocity, at, "velocities")
         if angles_rad is not None and speeds_radps is not None:
@@ -42,7 +42,7 @@ class JointReader:
         elif angles_rad is not None and self._angles_rad is not None and passed_s:
             speeds_radps = _differentiate(self._angles_rad, angles_rad, passed_s)
         elif angles_rad is None:
-            raise BridgeError("joints with neither positions nor velocities state no motion")
+            raise BridgeError("joints with neither positions nor velocities; send one of them")
         self._angles_rad = angles_rad
         if speeds_radps is None:
             return None
@@ -55,12 +55,12 @@ class JointReader:
         if not len(values):
             return None
         if len(values) < len(at):
-            raise BridgeError(f"{len(values)} {what} for {len(at)} joints")
+            raise BridgeError(f"{len(values)} {what} for {len(at)} joints; send one for each")
         a, b, c, d = (float(values[at[name]]) for name in self._names)
         if all(map(math.isnan, (a, b, c, d))):
             return None
         if not math.isfinite(a + b + c + d):
-            raise BridgeError(f"{what} {(a, b, c, d)} are not all finite")
+            raise BridgeError(f"{what} {(a, b, c, d)} are not all finite; send finite numbers")
         return (a, b, c, d)
 
 
@@ -76,7 +76,10 @@ class TwistReader:
         twist = message.twist.twist
         v_mps, yaw_rate_radps = float(twist.linear.x), float(twist.angular.z)
         if not math.isfinite(v_mps + yaw_rate_radps):
-            raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is not finite")
+            raise BridgeError(
+                f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is not finite; send finite "
+                "numbers"
+            )
         left, right = self._drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
         speeds_radps = (right, left, right, left)
         passed_s = self._steps.measure_s(message.header.stamp)
@@ -95,7 +98,7 @@ class _Steps:
         """Measure the time since the last message; 0 where it cannot be integrated over."""
         stamp_s = to_seconds(stamp)
         if stamp_s == 0.0:
-            raise BridgeError(f"{self._what} without a stamp states no distance")
+            raise BridgeError(f"{self._what} without a stamp state no distance; set the stamp")
         passed_s = 0.0 if self._last_s is None else stamp_s - self._last_s
         self._last_s = stamp_s
         return passed_s if 0.0 < passed_s < LONGEST_STEP_S else 0.0

@@ -7,6 +7,7 @@ from typing import Any
 
 from agribot.core.errors import BridgeError
 from agribot.core.topics import Topic
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
 from agribot.ros.ros1.subscription import ANY, Subscription
@@ -57,7 +58,7 @@ class Ros1Connection:
         try:
             return load_ros1_types().deserialize_ros1(data, ros_type)
         except Exception as error:  # the generated code of rosbags raises any error
-            raise BridgeError(f"{len(data)} bytes are no {to_ros1_name(ros_type)}") from error
+            raise make_undecodable(data, to_ros1_name(ros_type)) from error
 
     def list_topics(self) -> dict[str, str]:
         published = self._node.ask_master("getPublishedTopics", "")

@@ -9,6 +9,7 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.display_requests import (
     ADD_DISPLAY_SERVICE,
     TakeDisplay,
@@ -55,7 +56,7 @@ def serve_displays(node: Node, take: TakeDisplay) -> Ros1ServiceServer:
         try:
             request = types.deserialize_ros1(data, _REQUEST)
         except Exception as error:  # the generated code of rosbags raises any error
-            raise BridgeError(f"{len(data)} bytes are no request of {ADD_DISPLAY.name}") from error
+            raise make_undecodable(data, f"a request of {ADD_DISPLAY.name}") from error
         response = types.types[_RESPONSE](*wait_for_outcome(take, read_display(request)))
         return bytes(types.serialize_ros1(response, _RESPONSE))
 

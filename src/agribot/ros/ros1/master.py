@@ -16,7 +16,9 @@ def check_master(uri: str) -> str:
     Raises: ConfigError: not the address of a ROS 1 master.
     """
     if not _is_address(uri):
-        raise ConfigError(f"ROS master {uri[:80]}: write it as http://HOST:PORT, like {MASTER}")
+        raise ConfigError(
+            f"ROS master {uri[:80]}: not an address; write http://HOST:PORT, as in {MASTER}"
+        )
     return uri
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from agribot.core.errors import BridgeError
 from agribot.core.messages import Estimate, TickRecord
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.frames import PeerFrames
 from agribot.ros.goals import GoalBook, GoalState, PeerGoal
 from agribot.ros.messages.rosmsg import MAP_FRAME, quaternion_from_yaw
@@ -178,4 +179,4 @@ class MoveBaseServer:
         try:
             return self._types.deserialize_ros1(data, ros_type)
         except Exception as error:  # the generated code of rosbags raises any error
-            raise BridgeError(f"{len(data)} bytes are no {to_ros1_name(ros_type)}") from error
+            raise make_undecodable(data, to_ros1_name(ros_type)) from error

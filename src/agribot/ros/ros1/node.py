@@ -201,7 +201,7 @@ class Node:
     def ask_master(self, method: str, *arguments: Any) -> Any:
         code, text, value = self._call_master(method, *arguments)
         if code != _OK:
-            raise BridgeError(f"ROS 1: the master refuses {method}: {text}")
+            raise BridgeError(f"ROS 1: the master refuses {method}: {text}; restart roscore")
         return value
 
     def _call_master(self, method: str, *arguments: Any) -> tuple[int, str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from agribot.core.errors import BridgeError
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.ros1.service_server import ServiceType
 
 PACKAGE = "dynamic_reconfigure/msg"
@@ -96,7 +96,7 @@ def read_config(data: bytes) -> dict[str, float]:
     try:
         config: Any = load_reconfigure_types().deserialize_ros1(data, CONFIG)
     except Exception as error:  # the generated code of rosbags raises any error
-        raise BridgeError(f"{len(data)} bytes are no dynamic_reconfigure/Config") from error
+        raise make_undecodable(data, "dynamic_reconfigure/Config") from error
     return {
         parameter.name: float(parameter.value)
         for parameter in (*config.bools, *config.ints, *config.doubles)

@@ -9,7 +9,7 @@ from typing import Any
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from agribot.core.errors import BridgeError
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.ros1.service_server import ServiceType
 from agribot.ros.ros1.types import load_ros1_types
 from agribot.ros.route_plans import RoutePlan
@@ -51,7 +51,7 @@ def read_request(data: bytes) -> Any:
     try:
         return _load_types().deserialize_ros1(data, _REQUEST)
     except Exception as error:  # the generated code of rosbags raises any error
-        raise BridgeError(f"{len(data)} bytes are no request of {PLAN_ROUTE.name}") from error
+        raise make_undecodable(data, f"a request of {PLAN_ROUTE.name}") from error
 
 
 def pack_response(header: Any, plan: RoutePlan) -> bytes:

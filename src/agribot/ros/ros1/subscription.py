@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlparse
 
-from agribot.core.errors import BridgeError
+from agribot.core.errors import BridgeError, add_advice
 from agribot.ros.ros1 import tcpros
 from agribot.ros.ros1.node import Node
 from agribot.ros.ros1.types import generate_definition, to_ros1_name
@@ -75,14 +75,14 @@ class Subscription:
             slave: Any = proxy
             code, text, protocol = slave.requestTopic(self._node.name, self._name, [["TCPROS"]])
         if code != 1:
-            raise BridgeError(f"does not hand out {self._name}: {text}")
+            raise BridgeError(f"does not hand out {self._name}: {text}; restart that node")
         _, host, port = protocol
         peer_host = str(host) or str(urlparse(uri).hostname)
         with socket.create_connection((peer_host, int(port)), timeout=_ANSWER_S) as sock:
             sock.sendall(tcpros.pack_header(self._make_request_header()))
             answer = tcpros.read_header(tcpros.receive_frame(sock, tcpros.MAX_HEADER_BYTES))
             if "error" in answer:
-                raise BridgeError(answer["error"])
+                raise BridgeError(add_advice(answer["error"], "publish that type"))
             source = f"ROS 1 node {answer.get('callerid', uri)}"
             ros_type = "/msg/".join(answer.get("type", "").split("/"))
             limit = tcpros.MAX_SENSOR_BYTES if self._ros_type == ANY else tcpros.MAX_MESSAGE_BYTES

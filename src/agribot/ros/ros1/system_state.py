@@ -44,5 +44,5 @@ def _ask(master: Any, uri: str, method: str) -> Any:
             "ROS_MASTER_URI"
         ) from error
     if code != 1:
-        raise BridgeError(f"ROS 1: the master at {uri} refuses {method}: {text}")
+        raise BridgeError(f"ROS 1: the master at {uri} refuses {method}: {text}; restart roscore")
     return value

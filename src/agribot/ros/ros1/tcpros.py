@@ -34,11 +34,15 @@ def read_header(body: bytes) -> dict[str, str]:
     fields, at = {}, 0
     while at < len(body):
         if at + 4 > len(body):
-            raise BridgeError("a ROS 1 connection header ends in the middle of a length")
+            raise BridgeError(
+                "a ROS 1 connection header ends in the middle of a length; connect anew"
+            )
         (size,) = _LENGTH.unpack_from(body, at)
         line = body[at + 4 : at + 4 + size]
         if len(line) < size:
-            raise BridgeError(f"a field of a ROS 1 connection header claims {size} bytes")
+            raise BridgeError(
+                f"a field of a ROS 1 connection header claims {size} bytes; connect anew"
+            )
         key, _, value = line.partition(b"=")
         fields[key.decode("utf-8", "replace")] = value.decode("utf-8", "replace")
         at += 4 + size
@@ -52,7 +56,7 @@ def receive_frame(sock: socket.socket, limit: int) -> bytes:
     """
     (size,) = _LENGTH.unpack(_receive_exactly(sock, 4))
     if size > limit:
-        raise BridgeError(f"a ROS 1 peer announces {size} bytes, more than {limit}")
+        raise BridgeError(f"a ROS 1 peer announces {size} bytes; at most {limit} are read")
     return _receive_exactly(sock, size)
 
 

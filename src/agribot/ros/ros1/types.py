@@ -14,6 +14,7 @@ from rosbags.typesys.store import Typestore
 from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.topics import Topic
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.messages.gps_types import (
     GPSFIX_ROS1,
     GPSFIX_ROS2,
@@ -122,14 +123,14 @@ def find_input(topic: Topic) -> InputTopic:
     change = _BACK.get((ros_type, topic.ros_type))
     known_type = GPSFIX_ROS2 if ros_type == GPSFIX_ROS1 else ros_type  # to the types of ROS 2
     if change is None and known_type != topic.ros_type:
-        raise BridgeError(f"nothing turns {ros_type} into {topic.ros_type}")
+        raise BridgeError(f"{ros_type} is not {topic.ros_type}; send that type")
 
     def convert(data: bytes) -> bytes:
         try:
             cdr = bytes(ros2_types().ros1_to_cdr(data, known_type))
             return cdr if change is None else to_cdr(change(_decode(cdr, ros_type)))
         except Exception as error:  # the generated code of rosbags raises any error
-            raise BridgeError(f"{len(data)} bytes are no {to_ros1_name(ros_type)}") from error
+            raise make_undecodable(data, to_ros1_name(ros_type)) from error
 
     return InputTopic(name, ros_type, convert)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from agribot.core.errors import BridgeError
 from agribot.core.topics import Topic
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2.node import ROUTER, Ros2Node, TopicPublisher
 
@@ -44,7 +44,7 @@ class Ros2Connection:
         try:
             return load_types().deserialize_cdr(data, ros_type)
         except Exception as error:  # the generated code of rosbags raises any error
-            raise BridgeError(f"{len(data)} bytes are no {ros_type} of ROS 2 Jazzy") from error
+            raise make_undecodable(data, f"{ros_type} of ROS 2 Jazzy") from error
 
     def list_topics(self) -> dict[str, str]:
         return self._node.list_topics()

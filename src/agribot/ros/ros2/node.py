@@ -176,7 +176,7 @@ class TopicPublisher:
         try:
             self._publisher.put(data, attachment=mark)
         except zenoh.ZError as error:
-            raise BridgeError(f"ROS 2: cannot send: {error}") from error
+            raise BridgeError(f"ROS 2: cannot send: {error}; check the router") from error
 
 
 def _declare_publisher(session: zenoh.Session, key: str, qos: Qos) -> Any:

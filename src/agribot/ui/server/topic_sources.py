@@ -16,6 +16,7 @@ import numpy as np
 from agribot.core.errors import AgribotError, BridgeError
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
+from agribot.ros.decoding import make_undecodable
 from agribot.ros.display_requests import TakeDisplay
 from agribot.ros.graph import Graph
 from agribot.ui import wire
@@ -205,6 +206,6 @@ def make_decoder(network: str) -> Callable[[str, bytes], Any]:
         try:
             return deserialize(ros2_store() if is_ros2 else ros1_store(), ros_type, is_ros2, data)
         except Exception as error:  # the generated code of rosbags raises any error
-            raise BridgeError(f"{len(data)} bytes are no {ros_type}") from error
+            raise make_undecodable(data, ros_type) from error
 
     return decode
