@@ -6,12 +6,14 @@ from typing import Any
 
 import msgspec
 import pytest
+from starlette.requests import Request
 
 from agribot.core.fact_text import render
 from agribot.core.facts import (
     ErrandRefused,
     GnssSilent,
     NoFixesYet,
+    SeatNeeded,
     SensorSilent,
     StopHolds,
     StoppedBy,
@@ -19,6 +21,7 @@ from agribot.core.facts import (
 )
 from agribot.record.events import make_event
 from agribot.ui import wire
+from agribot.ui.server.answers import Unusable
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.client import Client
 from agribot.ui.server.languages import find_language, say_in
@@ -121,6 +124,13 @@ def test_the_log_has_the_facts_of_its_events_in_german() -> None:
 def test_german_numbers_have_a_comma() -> None:
     (doubt,) = say_in("de", make_told()).doubts
     assert doubt.reason == "GNSS seit 3,2 s stumm"
+
+
+def test_a_refused_request_is_answered_in_the_language_that_it_asks_for() -> None:
+    headers = [(b"accept-language", b"de-DE,de;q=0.9")]
+    answer = Unusable(409, SeatNeeded()).answer(Request({"type": "http", "headers": headers}))
+    problem = msgspec.json.decode(bytes(answer.body), type=wire.Problem)
+    assert (answer.status_code, problem.error) == (409, render(SeatNeeded(), "de"))
 
 
 def test_a_page_that_asks_for_an_unknown_language_reads_english() -> None:

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from agribot.core.facts import Said
+from agribot.core.facts import Said, SeatHeld
 from agribot.ui import wire
 from agribot.ui.server.seat import SILENCE_S, Seat
 from tests.ui.client import Never, Page
@@ -181,13 +181,13 @@ def test_a_drive_request_that_is_no_number_never_reaches_the_robot(
 
 def test_the_seat_is_free_after_silence_and_its_owner_gets_it_back_before() -> None:
     seat = Seat()
-    assert seat.take("a", "Ada", 0.0) == ""
-    assert "Ada" in seat.take("b", "Bob", SILENCE_S)
+    assert seat.take("a", "Ada", 0.0) is None
+    assert seat.take("b", "Bob", SILENCE_S) == SeatHeld("Ada")
     seat.note_life("a", SILENCE_S)
-    assert "Ada" in seat.take("b", "Bob", 2 * SILENCE_S)
+    assert seat.take("b", "Bob", 2 * SILENCE_S) == SeatHeld("Ada")
     assert seat.seen_by("a", 100.0) == "you"
     assert seat.seen_by("b", 100.0) == "free"
-    assert seat.take("b", "Bob", 100.0) == ""
+    assert seat.take("b", "Bob", 100.0) is None
     assert seat.seen_by("a", 100.0) == "other"
 
 

@@ -36,6 +36,7 @@ from agribot.core.facts.files import *
 from agribot.core.facts.gate import *
 from agribot.core.facts.health import *
 from agribot.core.facts.mission import *
+from agribot.core.facts.page import *
 from agribot.core.facts.position import *
 from agribot.core.facts.requests import *
 from agribot.core.facts.sensors import *

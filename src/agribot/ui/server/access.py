@@ -19,6 +19,8 @@ from typing import Literal
 
 import msgspec
 
+from agribot.core.fact_text import render
+from agribot.core.facts import Fact, LoginNeeded, TokensWrong, TokenWrong
 from agribot.core.messages import AskerKind, Who
 from agribot.ui.server.guesses import Guesses
 from agribot.ui.server.signed_session import RENEW_AFTER_S, Session, Signer
@@ -48,8 +50,14 @@ def make_who(name: str, role: str | None) -> Who:
 
 
 class Refusal(msgspec.Struct, frozen=True, kw_only=True):
+    """Why a request is turned away, in words or as a fact."""
+
     status: int
-    reason: str
+    why: str | Fact
+
+    @property
+    def reason(self) -> str:
+        return render(self.why) if isinstance(self.why, Fact) else self.why
 
 
 class Access:
@@ -82,10 +90,12 @@ class Access:
         host = headers.get("host", "").lower()
         if host not in self._hosts:
             reason = f"host '{host[:80]}' is not a name of this robot; use the address it printed"
-            return Refusal(status=403, reason=f"{reason}, or start it with --allow-host")
+            return Refusal(status=403, why=f"{reason}, or start it with --allow-host")
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in {f"http://{host}", f"https://{host}"}:
-            return Refusal(status=403, reason=f"origin '{origin[:80]}' is not this page")
+            return Refusal(
+                status=403, why=f"origin '{origin[:80]}' is not this page; open the robot's own"
+            )
         bearer = self._bearer(headers)
         if isinstance(bearer, Refusal):
             return bearer
@@ -93,11 +103,11 @@ class Access:
         if origin is None and bearer is None and not is_asking_only:
             return Refusal(
                 status=401,
-                reason="no origin and no token: a program sends 'Authorization: Bearer <token>'",
+                why="no origin and no token; a program sends 'Authorization: Bearer <token>'",
             )
         caller = bearer or self._visitor(headers)
         if caller.role is None and not _is_open(path):
-            return Refusal(status=401, reason="log in with the token that the robot printed")
+            return Refusal(status=401, why=LoginNeeded())
         return caller
 
     def login(self, token: str, address: str) -> str | Refusal:
@@ -110,8 +120,8 @@ class Access:
         if role is not None:
             return self._signer.cookie(Session(secrets.token_urlsafe(18), role, time.monotonic()))
         if self._guesses.is_too_many(address, time.monotonic()):
-            return Refusal(status=429, reason="too many wrong tokens; try again in a minute")
-        return Refusal(status=401, reason="this token is not valid; use the one printed last")
+            return Refusal(status=429, why=TokensWrong())
+        return Refusal(status=401, why=TokenWrong())
 
     def visit(self) -> str:
         """Make the cookie of a browser on this machine; empty on the network, before a login."""
@@ -135,7 +145,7 @@ class Access:
             return None
         role = self._role_of(token.strip())
         if role is None:
-            return Refusal(status=401, reason="this bearer token is not valid")
+            return Refusal(status=401, why=TokenWrong())
         digest = hashlib.sha256(f"{token}{headers.get('user-agent', '')}".encode()).hexdigest()
         return Caller(session=f"bearer-{digest[:16]}", role=role)
 

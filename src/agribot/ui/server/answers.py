@@ -10,11 +10,12 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from agribot.core.fact_text import render
+from agribot.core.facts import Fact, NoAnswer, SeatNeeded, ViewerOnly
 from agribot.core.messages import Who
 from agribot.ui import wire
 from agribot.ui.server.access import Caller, make_who
 from agribot.ui.server.channel import Channel
-from agribot.ui.server.hub import Hub, NotWanted
+from agribot.ui.server.hub import ANSWER_S, Hub, NotWanted
 from agribot.ui.server.languages import language_of
 
 T = TypeVar("T")
@@ -22,14 +23,17 @@ NO_STORE = {"cache-control": "no-store"}
 
 
 class Unusable(Exception):
-    """The request cannot be used: `status` and one sentence for the person who sent it."""
+    """The request cannot be used: `status` and one sentence, or a fact, for who sent it."""
 
-    def __init__(self, status: int, reason: str) -> None:
-        super().__init__(reason)
-        self.status = status
+    def __init__(self, status: int, reason: str | Fact) -> None:
+        super().__init__(render(reason) if isinstance(reason, Fact) else reason)
+        self.status, self.reason = status, reason
 
-    def __reduce__(self) -> tuple[type[Unusable], tuple[int, str]]:
-        return Unusable, (self.status, str(self))
+    def __reduce__(self) -> tuple[type[Unusable], tuple[int, str | Fact]]:
+        return Unusable, (self.status, self.reason)
+
+    def answer(self, request: Request) -> Response:
+        return refuse_request(self.status, self.reason, language_of(request))
 
 
 def json_answer(value: object, status: int = 200) -> Response:
@@ -37,8 +41,9 @@ def json_answer(value: object, status: int = 200) -> Response:
     return Response(data, status, media_type="application/json", headers=NO_STORE)
 
 
-def refuse_request(status: int, reason: str) -> Response:
-    return json_answer(wire.Problem(error=reason), status)
+def refuse_request(status: int, reason: str | Fact, language: str = "en") -> Response:
+    text = render(reason, language) if isinstance(reason, Fact) else reason
+    return json_answer(wire.Problem(error=text), status)
 
 
 def served_file(folder: Path, name: str, download: str | None = None) -> Response:
@@ -87,7 +92,7 @@ def need_seat(request: Request) -> None:
     need_operator(request)
     session, _, _ = hub.seat.holder.partition("/")
     if not caller.session or session != caller.session:
-        raise Unusable(409, "take the operator's seat first")
+        raise Unusable(409, SeatNeeded())
 
 
 def need_operator(request: Request) -> None:
@@ -97,7 +102,7 @@ def need_operator(request: Request) -> None:
     """
     caller: Caller = request.scope["agribot.caller"]
     if caller.role != "operator":
-        raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
+        raise Unusable(403, ViewerOnly())
 
 
 def is_robot_shown(request: Request) -> bool:
@@ -115,11 +120,11 @@ async def ask_robot(request: Request, question: wire.Question, type: type[T]) ->
     try:
         return await hub.ask(question, type)
     except TimeoutError as error:
-        raise Unusable(504, "the robot's program did not answer within 10 s") from error
+        raise Unusable(504, NoAnswer(ANSWER_S)) from error
     except LookupError as error:
-        raise Unusable(502, str(error)) from error
+        raise Unusable(502, hub.explain(error)) from error
     except NotWanted as error:
-        raise Unusable(409, render(error.fact, language_of(request))) from error
+        raise Unusable(409, error.fact) from error
 
 
 def channel_of(request: Request) -> Channel:

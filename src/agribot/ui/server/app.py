@@ -18,6 +18,7 @@ from agribot.ui.server.answers import Unusable, read_body, refuse_request
 from agribot.ui.server.camera import Camera, camera_socket
 from agribot.ui.server.connection_slots import Slot
 from agribot.ui.server.hub import Hub
+from agribot.ui.server.languages import language_of
 from agribot.ui.server.page_files import page_file
 from agribot.ui.server.request_bodies import RequestBodies
 from agribot.ui.server.routes import api_routes
@@ -89,7 +90,9 @@ async def _turn_away(refusal: Refusal, scope: Scope, receive: Receive, send: Sen
         await receive()
         await send({"type": "websocket.close", "code": 4403, "reason": refusal.reason[:120]})
         return
-    await refuse_request(refusal.status, refusal.reason)(scope, receive, _with_safe_headers(send))
+    language = language_of(Request(scope))
+    answer = refuse_request(refusal.status, refusal.why, language)
+    await answer(scope, receive, _with_safe_headers(send))
 
 
 def _with_safe_headers(send: Send, *more: tuple[bytes, bytes]) -> Send:
@@ -134,7 +137,7 @@ def _session_for(request: Request, token: str) -> str | Response:
     session = hub.access.login(token, address)
     if isinstance(session, Refusal):
         hub.refuse(make_who(address or "unknown", None), session.reason)
-        return refuse_request(session.status, session.reason)
+        return refuse_request(session.status, session.why, language_of(request))
     return session
 
 

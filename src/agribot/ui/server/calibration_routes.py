@@ -5,6 +5,7 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.core.facts import NoRobotShown
 from agribot.ui import wire
 from agribot.ui.server.answers import (
     Unusable,
@@ -51,7 +52,7 @@ async def _calibrate(request: Request, action: wire.CalibrationAction, name: str
     """
     hub: Hub = request.app.state.hub
     if not hub.has_robot:
-        raise Unusable(409, "no robot runs here; nothing can be calibrated")
+        raise Unusable(409, NoRobotShown())
     question = wire.Calibrate(action=action, name=name, by=who_asks(request).name)
     return json_answer(await ask_robot(request, question, wire.Calibrations))
 

@@ -11,7 +11,14 @@ from msgspec import UNSET
 
 from agribot.autonomy.plan.mission.errand import STANDING_MPS
 from agribot.core.fact_text import render
-from agribot.core.facts import AnyFact
+from agribot.core.facts import (
+    AnyFact,
+    RecordingShown,
+    RobotDrives,
+    RobotEnded,
+    SeatNeeded,
+    ViewerOnly,
+)
 from agribot.core.messages import AnyRequest, Who
 from agribot.core.request_text import describe_request
 from agribot.ui import wire
@@ -23,7 +30,6 @@ MAX_TEXT = 500
 SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
 MAX_CORNERS = 500
-ROBOT_GONE = "the robot's program has ended"
 MAX_HAND_AGE_S = 0.5  # age of a request to move; a hand that let go meanwhile cannot be heard yet
 
 
@@ -94,7 +100,7 @@ class Commands:
 
     def _acknowledge(self, message: wire.Receipt) -> None:
         if message.count < 0:
-            raise Refused(f"{message.count} messages received: a count is at least 0")
+            raise Refused(f"{message.count} messages received; send a count of 0 or more")
         self._page.acknowledge(message.count)
 
     def _use_name(self, message: wire.UseName) -> None:
@@ -133,7 +139,7 @@ class Commands:
 
     def _scale_speed(self, message: wire.ScaleSpeed) -> None:
         if message.ratio not in SCALES:
-            raise Refused(f"speed scale {message.ratio!r} is not one of {SCALES}")
+            raise Refused(f"speed scale {message.ratio!r} is unknown; send one of {SCALES}")
         self._scale = message.ratio
         self._answer(message)
 
@@ -141,7 +147,7 @@ class Commands:
         """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
         self._hub.stops.press(self._page.who)
         self._is_driving = False
-        self._answer(message, ROBOT_GONE if self._hub.is_robot_gone else "")
+        self._answer(message, RobotEnded() if self._hub.is_robot_gone else None)
 
     def _clear_stop(self, message: wire.ClearStop) -> None:
         if not self._no_seat():
@@ -175,8 +181,7 @@ class Commands:
         request.add_done_callback(self._requests.discard)
 
     async def _request(self, message: AnyRequest) -> None:
-        refusal = await self._hub.request(message, self._page.who)
-        self._answer(message, render(refusal), refusal)
+        self._answer(message, await self._hub.request(message, self._page.who))
 
     def _point_out(self, message: wire.PointOut) -> None:
         """Publish and record a place that somebody clicked, as RViz's Publish Point."""
@@ -187,7 +192,7 @@ class Commands:
         """Publish and record a polygon or route that somebody drew."""
         corners = message.corners_map_m
         if not 0 < len(corners) <= MAX_CORNERS:
-            raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")
+            raise Refused(f"{len(corners)} corners of a shape; send 1 to {MAX_CORNERS}")
         self._draw(message)
         self._answer(message)
 
@@ -202,11 +207,12 @@ class Commands:
         """Only a robot at rest believes it."""
         if min(message.std_m, message.std_rad) <= 0.0:
             raise Refused(
-                f"sigmas {message.std_m:g} m and {message.std_rad:g} rad of a pose: must be above 0"
+                f"sigmas {message.std_m:g} m and {message.std_rad:g} rad of a pose; send more "
+                "than 0"
             )
         reason = self._no_seat()
         if not reason and not self._is_at_rest():
-            reason = "the robot drives; pause its mission first"
+            reason = RobotDrives()
         if not reason:
             self._hub.send(message, self._page.who)
         self._answer(message, reason)
@@ -227,25 +233,23 @@ class Commands:
         who = self._page.who
         self._hub.order(wire.DriveOrder(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, who=who))
 
-    def _no_seat(self) -> str:
+    def _no_seat(self) -> AnyFact | None:
         reason = self._not_operator()
         if not reason and self._hub.seat.holder != self._page.session:
-            reason = "take the operator's seat first"
+            reason = SeatNeeded()
         return reason
 
-    def _not_operator(self) -> str:
+    def _not_operator(self) -> AnyFact | None:
         if self._page.role != "operator":
-            return "you are logged in as a viewer, who may look on and stop the robot"
+            return ViewerOnly()
         if self._page.channel is not self._hub.live or self._hub.live.source == "replay":
-            return "a recording is shown; nothing can be commanded in it"
-        if self._hub.is_robot_gone:
-            return ROBOT_GONE
-        return ""
+            return RecordingShown()
+        return RobotEnded() if self._hub.is_robot_gone else None
 
-    def _answer(self, message: wire.Request, reason: str = "", fact: AnyFact | None = None) -> None:
+    def _answer(self, message: wire.Request, reason: AnyFact | None = None) -> None:
         if message.id or reason:
             verdict = wire.Verdict(
-                id=message.id, ok=not reason, reason=reason, reason_fact=fact or UNSET
+                id=message.id, ok=not reason, reason=render(reason), reason_fact=reason or UNSET
             )
             self._page.send(verdict)
 

@@ -11,7 +11,6 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import AgribotError
-from agribot.core.fact_text import render
 from agribot.core.messages import TakePlan
 from agribot.core.refusal import find_fact
 from agribot.gis.field_choice import keep_field, list_fields
@@ -154,7 +153,7 @@ async def apply_plan(request: Request) -> Response:
         return json_answer(msgspec.structs.replace(made.answer, error=error), 422)
     refusal = await hub.request(TakePlan(geojson=made.text), who_asks(request))
     if refusal:
-        raise Unusable(409, render(refusal, language_of(request)))
+        raise Unusable(409, refusal)
     if made.is_crop_gone:
         hub.note(who_asks(request), "takes the crop rows off the map")
     hub.about.field = made.field

@@ -5,6 +5,7 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.core.facts import NoRobotShown
 from agribot.ui import wire
 from agribot.ui.server.answers import (
     Unusable,
@@ -22,7 +23,7 @@ async def save_frame(request: Request) -> Response:
     need_seat(request)
     hub: Hub = request.app.state.hub
     if not is_robot_shown(request):
-        raise Unusable(409, "no robot is shown whose camera could be kept")
+        raise Unusable(409, NoRobotShown())
     saved = await ask_robot(request, wire.SaveFrame(), wire.KeptFrame)
     hub.note(who_asks(request), f"keeps a frame: {saved.image}")
     return json_answer(saved)

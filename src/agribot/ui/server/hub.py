@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from agribot.core.fact_text import render
-from agribot.core.facts import AnyFact, NoAnswer, Said, StoppedAgainBy
+from agribot.core.facts import AnyFact, NoAnswer, RobotEnded, Said, StoppedAgainBy
 from agribot.core.messages import (
     AddNote,
     AnyRequest,
@@ -163,7 +163,7 @@ class Hub:
 
     async def _ask(self, question: wire.Question, timeout_s: float) -> wire.Answer:
         if self.is_robot_gone:
-            raise LookupError("the robot's program has ended")
+            raise LookupError(render(RobotEnded()))
         self._asked += 1
         id = self._asked
         waiting: asyncio.Future[wire.Answer] = asyncio.get_running_loop().create_future()
@@ -198,7 +198,11 @@ class Hub:
         except TimeoutError:
             return NoAnswer(ANSWER_S)
         except LookupError as error:
-            return Said(str(error))
+            return self.explain(error)
+
+    def explain(self, error: LookupError) -> AnyFact:
+        """Explain why the robot's program could not work something out."""
+        return RobotEnded() if self.is_robot_gone else Said(str(error))
 
     def find_topics(self) -> TopicSources:
         """Find the sources of topics, which are made when somebody asks first."""

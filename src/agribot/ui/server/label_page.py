@@ -35,6 +35,7 @@ from agribot.ui.address import Address, bound
 from agribot.ui.server.access import Access, Refusal
 from agribot.ui.server.answers import Unusable, json_answer, refuse_request
 from agribot.ui.server.app import FOR_EVER, NOT_BUILT, SAFE_HEADERS
+from agribot.ui.server.languages import language_of
 from agribot.ui.server.off_the_loop import run_in_thread
 from agribot.ui.server.page_files import page_file
 from agribot.ui.server.serve import QuietServer
@@ -176,12 +177,12 @@ def _guard(endpoint: Endpoint, access: Access) -> Endpoint:
     async def answering(request: Request) -> Response:
         verdict = access.check("http", request.method, request.url.path, request.headers)
         if isinstance(verdict, Refusal):
-            answer = refuse_request(verdict.status, verdict.reason)
+            answer = refuse_request(verdict.status, verdict.why, language_of(request))
         else:
             try:
                 answer = await endpoint(request)
             except Unusable as error:
-                answer = refuse_request(error.status, str(error))
+                answer = error.answer(request)
             except AgribotError as error:
                 answer = refuse_request(422, str(error))
             except asyncio.CancelledError:  # the server ends, and has waited for long enough

@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import NoAnswer
 from agribot.gis.map_import import fetch_tile
 from agribot.gis.mbtiles import (
     TileWriter,
@@ -34,7 +35,7 @@ from agribot.ui.server.answers import (
     refuse_request,
     who_asks,
 )
-from agribot.ui.server.hub import Hub
+from agribot.ui.server.hub import ANSWER_S, Hub
 from agribot.ui.server.off_the_loop import run_in_thread
 
 T = TypeVar("T")
@@ -131,7 +132,7 @@ async def _ask_program(request: Request, question: wire.Question, type: type[T])
     try:
         return await hub.ask(question, type)
     except TimeoutError as error:
-        raise Unusable(504, "the program did not answer within 10 s") from error
+        raise Unusable(504, NoAnswer(ANSWER_S)) from error
     except LookupError as error:
         raise Unusable(422, str(error)) from error
 

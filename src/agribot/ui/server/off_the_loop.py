@@ -9,6 +9,8 @@ import anyio
 import anyio.to_process
 import anyio.to_thread
 
+from agribot.core.facts import ReaderEnded, TookTooLong
+from agribot.core.facts.page import Handed
 from agribot.ui.server.answers import Unusable
 
 T = TypeVar("T")
@@ -21,11 +23,11 @@ THREADS = anyio.CapacityLimiter(2)  # limit of threads: more busy ones starve th
 
 
 async def run_in_process(
-    function: Callable[[*Args], T], *args: *Args, timeout_s: float = FILE_TIMEOUT_S, what: str
+    function: Callable[[*Args], T], *args: *Args, timeout_s: float = FILE_TIMEOUT_S, what: Handed
 ) -> T:
     """For files of strangers: whatever they do to the process, it is ended in time.
 
-    Raises: Unusable: it took too long, or died; `what` is the noun in the answer.
+    Raises: Unusable: it took too long, or died.
     """
     try:
         with anyio.fail_after(timeout_s):
@@ -33,10 +35,9 @@ async def run_in_process(
                 function, *args, cancellable=True, limiter=PROCESSES
             )
     except TimeoutError as error:
-        reason = f"no answer within {timeout_s:g} s; give a simpler {what}"
-        raise Unusable(504, reason) from error
+        raise Unusable(504, TookTooLong(what, timeout_s)) from error
     except anyio.BrokenWorkerProcess as error:
-        raise Unusable(422, f"this {what} ended the program that read it") from error
+        raise Unusable(422, ReaderEnded(what)) from error
 
 
 async def run_in_thread(function: Callable[[*Args], T], *args: *Args) -> T:

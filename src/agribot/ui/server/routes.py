@@ -55,7 +55,7 @@ def _polite(endpoint: Endpoint) -> Endpoint:
         try:
             return await endpoint(request)
         except Unusable as error:
-            return refuse_request(error.status, str(error))
+            return error.answer(request)
         except AgribotError as error:
             return refuse_request(422, str(error))
         except RecursionError:

@@ -6,6 +6,7 @@ it back. It knows no clock: the caller says what time it is.
 
 from __future__ import annotations
 
+from agribot.core.facts import AnyFact, SeatHeld
 from agribot.ui import wire
 
 # Silence of a holder; after it any client with the role may take the seat without asking.
@@ -23,12 +24,12 @@ class Seat:
         if session == self.holder:
             self._heard_s = now_s
 
-    def take(self, session: str, name: str, now_s: float, *, force: bool = False) -> str:
-        """Why it was refused; "" when the seat is taken."""
+    def take(self, session: str, name: str, now_s: float, *, force: bool = False) -> AnyFact | None:
+        """Why it was refused; None when the seat is taken."""
         if self.holder not in {"", session} and not force and not self.is_silent(now_s):
-            return f"{self.name} has the seat; take it over on purpose, or ask for it"
+            return SeatHeld(self.name)
         self.holder, self.name, self._heard_s = session, name, now_s
-        return ""
+        return None
 
     def release(self, session: str) -> bool:
         """Whether this session had it."""
