@@ -135,7 +135,7 @@ def test_a_goal_of_the_earth_is_longitude_and_latitude() -> None:
 @pytest.mark.parametrize(
     ("frame", "x", "turn", "why"),
     [
-        ("base_link", 1.0, {}, "not one of map, odom, wgs84"),
+        ("base_link", 1.0, {}, "use one of map, odom, wgs84"),
         ("map", math.inf, {}, "not finite"),
         ("map", math.nan, {}, "not finite"),
         ("map", 1.0, {"w": math.nan}, "has not the length 1"),
@@ -197,7 +197,7 @@ def test_a_visit_is_its_places_in_order() -> None:
     assert isinstance(event.request, Visit)
     assert event.request.places_map_m == ((1.0, 2.0), (3.0, 4.0))
     assert robot.hear(VISIT, rosmsg.make_header(0.0, "map"), []) == []
-    assert robot.changes[-1] == ("rejected", "it has no poses")
+    assert robot.changes[-1] == ("rejected", "it has no poses; send 1 to 1000")
 
 
 def test_a_stated_pose_brings_its_sigmas_or_gets_those_of_a_hand() -> None:

@@ -199,7 +199,9 @@ def test_joints_that_the_robot_lacks_and_networks_that_are_none_are_refused(
         open_with(table, "--joints", "ros1:")
     with pytest.raises(ConfigError, match="mast_up moves joints; name their network"):
         open_with(table, "--description", masted)
-    with pytest.raises(ConfigError, match="--joints tcp:: write ros1:, ros1://HOST:PORT"):
+    with pytest.raises(
+        ConfigError, match="--joints tcp:: not a network; give ros1:, ros1://HOST:PORT"
+    ):
         open_with(table, "--description", masted, "--joints", "tcp:")
     path.write_text("teleop: {halt: {type: action, action_name: stop, buttons: [1]}}")
     table = read_table(path, 1.0, 0.1)

@@ -134,7 +134,10 @@ def test_a_goal_of_the_action_is_driven_reported_and_succeeds(robot: Peer) -> No
 
 def test_a_goal_that_is_none_is_rejected_and_one_beyond_the_fence_aborted(robot: Peer) -> None:
     robot.send("nan", math.nan, 1.0)
-    assert robot.result("nan") == (REJECTED, "the position nan, 1 is not finite")
+    assert robot.result("nan") == (
+        REJECTED,
+        "the position nan, 1 is not finite; send finite numbers",
+    )
     robot.send("frame", 1.0, 1.0, frame="base_link")
     assert robot.result("frame") == (
         REJECTED,
@@ -197,7 +200,10 @@ def test_a_list_of_places_is_visited_in_place_of_the_mission(robot: Peer) -> Non
     truth = robot.session.simulator.truth()
     assert math.hypot(truth.x_map_m - places[1][0], truth.y_map_m - places[1][1]) < 0.2
     nothing = client.make(ARRAY, client.header("map"), [])
-    assert robot.tell("/agribot/visit", ARRAY, nothing) == (REJECTED, "it has no poses")
+    assert robot.tell("/agribot/visit", ARRAY, nothing) == (
+        REJECTED,
+        "it has no poses; send 1 to 1000",
+    )
 
 
 def test_a_service_shakes_hands_as_rosservice_expects(robot: Peer) -> None:

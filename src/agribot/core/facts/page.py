@@ -6,7 +6,7 @@ from typing import Literal
 
 from agribot.core.facts.mission import MissionNote
 
-Handed = Literal["file", "field", "view"]  # what a page hands in to be read or worked out
+Handed = Literal["file", "field", "view"]  # kind of thing that a page hands in
 
 
 class SeatNeeded(MissionNote, frozen=True):
