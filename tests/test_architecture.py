@@ -40,6 +40,11 @@ MAY_PRINT = {"cli"}
 PRIVATE = re.compile(
     "|".join(["/" + "work/", "/" + "home/", "/" + "root/", "proto" + "type", "seed" + "-systems"])
 )
+# Errors whose texts a person reads, with all that are derived from them.
+REPORTED = {"AgribotError", "Unusable", "Refused", "BadLayer", "_Fault"}
+# Their texts are facts, with the advice in the table; and what a reader of labels could not use,
+# to which the import adds its advice.
+ADVISED_ELSEWHERE = {"MissionError", "LabelFileError"}
 TEXT_SUFFIXES = {".py", ".toml", ".md", ".txt", ".yaml", ".yml", ".json", ".xacro", ".urdf", ".cfg"}
 
 FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
@@ -318,6 +323,41 @@ def test_modules_are_named_after_what_they_hold() -> None:
         if BANNED_NAMES & set(path.relative_to(SOURCE).with_suffix("").parts)
     ]
     assert not wrong
+
+
+def derived(bases: set[str]) -> set[str]:
+    """Names of classes with all that are derived from them."""
+    nodes = [n for path in sources() for n in tree_of(path).body if isinstance(n, ast.ClassDef)]
+    more = {n.name for n in nodes if bases & {ast.unparse(base) for base in n.bases}} - bases
+    return derived(bases | more) if more else bases
+
+
+def write_text(node: ast.expr) -> str:
+    """The text of a literal with {} for its values; {} alone for what is no literal."""
+    parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+    return "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in parts)
+
+
+def says_what_to_do(call: ast.Call, name: str) -> bool:
+    """Whether its text has a part behind a semicolon, or ends with another text."""
+    at = 1 if name in {"fail", "Unusable"} else 0
+    text = write_text(call.args[at]) if len(call.args) > at else "{}"
+    return ";" in text or text == "{}" or text.endswith(": {}")
+
+
+def test_a_message_to_a_person_says_what_to_do_behind_a_semicolon() -> None:
+    reported = {"fail"} | derived(REPORTED) - derived(ADVISED_ELSEWHERE)
+    silent = [
+        f"{show(path)}:{node.lineno}"
+        for path in sources()
+        for node in nodes_of(path)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name | ast.Attribute)
+        and (name := node.func.id if isinstance(node.func, ast.Name) else node.func.attr)
+        in reported
+        and not says_what_to_do(node, name)
+    ]
+    assert silent == [], "write `<part>: <fact>; <what to do>`"
 
 
 def test_only_the_command_line_prints() -> None:

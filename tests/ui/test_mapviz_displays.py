@@ -35,7 +35,7 @@ SCAN: Display = (
 HOLOGRAM: Display = ("h", "mapviz_plugins/hologram", 0, True, {"topic": "/scan"})
 ANSWERS = [
     [True, "display 'front' set"],
-    [False, "type 'mapviz_plugins/hologram' is no display of the map"],
+    [False, "type 'mapviz_plugins/hologram' is not a display of the map; name another"],
 ]
 
 
@@ -134,7 +134,7 @@ def test_colours_stay_texts_and_what_does_not_fit_is_named() -> None:
     ("changes", "why"),
     [
         ({"type": "mapviz_plugins/measuring"}, "a tool"),
-        ({"properties": {}}, "needs the property topic"),
+        ({"properties": {}}, "add the property topic"),
     ],
 )
 def test_a_display_that_cannot_be_added_is_refused_with_the_reason(

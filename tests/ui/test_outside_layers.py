@@ -53,8 +53,8 @@ def test_a_layer_is_added_changed_and_removed_over_http_without_a_restart(robot:
     [
         ({"name": ""}, "1 to 60"),
         ({"type": "hologram"}, "no display"),
-        ({"data": None}, "either data or topic"),
-        ({"topic": "ros1:/scan"}, "either data or topic"),
+        ({"data": None}, "give data or a topic"),
+        ({"topic": "ros1:/scan"}, "give data or a topic"),
         ({"data": {"type": "Point"}}, "Feature"),
         ({"data": {"type": "FeatureCollection", "features": [1]}}, "features"),
         ({"data": {**STONE, "properties": {"text": "x" * MOST_BYTES}}}, "thin it"),

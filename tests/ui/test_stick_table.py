@@ -96,7 +96,7 @@ def test_the_table_knows_every_request_that_the_page_may_make() -> None:
 
 
 REFUSED = {
-    "{}": "no commands: neither a table 'teleop' of joy_teleop",
+    "{}": "no commands; write a table 'teleop' of joy_teleop",
     "a: {ros__parameters: {require_enable_button: false, axis_linear: {x: 1}}}": (
         "require_enable_button is off: nothing drives here without a button held"
     ),
@@ -119,7 +119,7 @@ REFUSED = {
     velocity(
         "    deadman_buttons: [-1]\n    message_value: [{target: linear.x, value: 1}]"
     ): ">= 0",
-    velocity("    deadman_buttons: [4]"): "either axis_mappings or message_value",
+    velocity("    deadman_buttons: [4]"): "write axis_mappings or message_value",
     velocity("    deadman_buttons: [4]\n    axis_mappings: [{target: linear.x}]"): "axis or button",
     velocity("    deadman_buttons: [4]\n    axis_mappings: [{axis: 1, target: linear.y}]"): (
         "target 'linear.y'; known are linear.x and angular.z"

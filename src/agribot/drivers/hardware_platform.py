@@ -107,9 +107,8 @@ class HardwarePlatform:
             self._writer.send(self._link.board.poll())
             time.sleep(POLL_S)
         if not self._link.has_spoken:
-            raise PlatformError(
-                f"{self._name}: for {FIRST_REPORT_S:g} s it {self._link.describe_silence()}"
-            )
+            silence = f"for {FIRST_REPORT_S:g} s it {self._link.describe_silence()}"
+            raise PlatformError(f"{self._name}: {silence}")
 
     def _wait_for_tick(self) -> float:
         now_s = self._now_s()

@@ -186,8 +186,8 @@ def read_attachment(path: Path, name: str) -> bytes:
         if isinstance(record, Damage):
             damage.append(record)
     warn_of(damage)
-    why = "; it is damaged, see agribot record recover" if damage else "; give a run of AGRIBOT"
-    raise RecordingError(f"{path} has no attachment '{name}'{why}")
+    advice = "it is damaged, see agribot record recover" if damage else "give a run of AGRIBOT"
+    raise RecordingError(f"{path} has no attachment '{name}'; {advice}")
 
 
 def read_attachment_unless_damaged(path: Path, name: str) -> bytes | None:

@@ -160,8 +160,7 @@ def _weaken(strength: SoilStrength, soil: Soil, mud_ratio: float) -> tuple[SoilK
     """Return the soil with its water, and the share of tan phi that is left."""
     moisture = strength.moisture_ratio
     if not 0.0 <= moisture <= 1.0:
-        wanted = describe_range(0.0, 1.0, "(dry to saturated)")
-        raise DescriptionError(f"moisture_ratio {moisture:g}: {wanted}")
+        raise DescriptionError(f"moisture_ratio {moisture:g}: {describe_range(0.0, 1.0)}")
     kind = SOILS["firm" if strength.soil_class == "rigid" else strength.soil_class]
     left = (kind.wet_cone_index_kpa / kind.cone_index_kpa) ** moisture * max(
         mud_ratio, LEAST_STRENGTH_RATIO

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from agribot.core.config import RunConfig
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 from agribot.core.messages import LIVE_SETTINGS, ChangeSetting
 from agribot.core.messages.requests import find_live_setting
 from agribot.ui import wire
@@ -62,10 +62,11 @@ def make_change(config: RunConfig, key: str, value: object) -> ChangeSetting:
     try:
         changed = msgspec.convert({**msgspec.to_builtins(group), name: value}, type(group))
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{key} = {value!r}: {str(error).partition(' - ')[0]}") from error
+        fact = f"{key} = {value!r}: {str(error).partition(' - ')[0]}"
+        raise ConfigError(add_advice(fact, "give such a value")) from error
     number = float(getattr(changed, name))
     if not math.isfinite(number):
-        raise ConfigError(f"{key} = {value!r}: must be finite")
+        raise ConfigError(f"{key} = {value!r}: not finite; give a finite number")
     return ChangeSetting(setting=setting, value=number)
 
 

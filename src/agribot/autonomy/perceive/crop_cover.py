@@ -41,7 +41,10 @@ class StemLeaves(NamedTuple):
         Raises: PerceptionError: its pixels are not those of (h, w).
         """
         if self.owner.shape != shape:
-            raise PerceptionError(f"leaves of {self.owner.shape} pixels over a map of {shape}")
+            raise PerceptionError(
+                f"leaves of {self.owner.shape} pixels over a map of {shape}; use one network for "
+                "both"
+            )
 
 
 class CoverGrid:

@@ -96,7 +96,9 @@ class _World:
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = read_settings(options, before=[camera])
-        refuse_faults_of(STACK_PARTS, read_faults(self.config), "agribot sim runs no stack")
+        refuse_faults_of(
+            STACK_PARTS, read_faults(self.config), "agribot sim runs no stack; leave it out"
+        )
         self.robot = load_robot_of_run(self.config)
         made = make_run_world(self.config)
         self.world: WorldSpec = made.world

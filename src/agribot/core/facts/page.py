@@ -23,7 +23,7 @@ class ViewerOnly(MissionNote, frozen=True):
     """The page was opened with the token of a viewer."""
 
 
-class LoginNeeded(MissionNote, frozen=True):
+class TokenNeeded(MissionNote, frozen=True):
     """The page was opened without a token."""
 
 

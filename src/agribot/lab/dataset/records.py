@@ -108,7 +108,7 @@ def claim(folder: Path, recipe: Recipe) -> None:
     ]
     if differing:
         raise ConfigError(
-            f"{folder} holds images with {'; '.join(differing)}: give the same options again or "
+            f"{folder} holds images with {', '.join(differing)}; give the same options again or "
             "another --out folder"
         )
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self, TypeVar
 
 import msgspec
 
-from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.errors import ConfigError, PlatformError, add_advice
 from agribot.ui import wire
 from agribot.ui.address import RobotDoor
 from agribot.ui.hand.blocking_socket import BlockingSocket
@@ -187,7 +187,8 @@ class Remote:
         elif isinstance(message, wire.Pong):
             self._clock = clock_of(message, time.monotonic(), self._clock)
         elif isinstance(message, wire.Bye):
-            raise PlatformError(f"the robot says goodbye: {message.reason}")
+            fact = f"the robot says goodbye: {message.reason}"
+            raise PlatformError(add_advice(fact, "connect again"))
 
 
 def _trust(door: RobotDoor) -> ssl.SSLContext | None:

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import msgspec
 
 from agribot.core.config import check_finite
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, add_advice
 from agribot.ros.joint_step import JointStep
 from agribot.ui import wire
 from agribot.ui.hand.inputs import STILL, HandRequest, Wish
@@ -227,8 +227,8 @@ def _read_step(name: str, command: Action, at: str) -> JointStep:
     controller = command.action_name.strip("/").removesuffix(STEP).strip("/")
     if not controller:
         raise ConfigError(
-            f"{at}.action_name = '{command.action_name}': name the controller of the joints, such "
-            "as mast_controller/increment"
+            f"{at}.action_name = '{command.action_name}': no controller; name that of the joints, "
+            "as in mast_controller/increment"
         )
     try:
         content = msgspec.convert(command.action_goal, StepContent)
@@ -255,11 +255,11 @@ def _commands(path: Path) -> dict[str, Any]:
     try:
         commands = find_commands(tree)
     except ValueError as error:
-        raise ConfigError(f"{path}: {error}") from error
+        raise ConfigError(add_advice(f"{path}: {error}", "correct it")) from error
     if not commands:
         raise ConfigError(
-            f"{path}: no commands: neither a table 'teleop' of joy_teleop, nor parameters of ROS "
-            "2's joy_teleop or of teleop_twist_joy"
+            f"{path}: no commands; write a table 'teleop' of joy_teleop, or parameters of ROS 2's "
+            "joy_teleop or of teleop_twist_joy"
         )
     if "teleop" in tree and (others := [str(key) for key in tree if key != "teleop"]):
         raise ConfigError(f"{path}: unknown '{others[0]}' beside 'teleop'; leave it out")
@@ -276,7 +276,8 @@ def _command(entry: Any, at: str) -> Velocity | Action | Service:
     except msgspec.ValidationError as error:
         message, _, where = str(error).partition(" - at `$")
         where = where.rstrip("`")
-        raise ConfigError(f"{at}{where}: {message[:1].lower()}{message[1:]}") from error
+        fact = f"{at}{where}: {message[:1].lower()}{message[1:]}"
+        raise ConfigError(add_advice(fact, "correct it")) from error
     return command
 
 
@@ -287,12 +288,16 @@ def _check_velocity(command: Velocity, at: str) -> None:
             "name that"
         )
     if command.message_type not in TWISTS:
-        raise ConfigError(f"{at}.message_type = '{command.message_type}': must be {TWISTS[0]}")
+        raise ConfigError(
+            f"{at}.message_type = '{command.message_type}': unknown; write {TWISTS[0]}"
+        )
     if bool(command.axis_mappings) == bool(command.message_value):
-        raise ConfigError(f"{at}: write either axis_mappings or message_value")
+        raise ConfigError(f"{at}: both or neither; write axis_mappings or message_value")
     for number, one in enumerate(command.axis_mappings):
         if (one.axis is None) == (one.button is None):
-            raise ConfigError(f"{at}.axis_mappings[{number}]: write either axis or button")
+            raise ConfigError(
+                f"{at}.axis_mappings[{number}]: both or neither; write axis or button"
+            )
     largest = [(one.target, abs(one.scale) + abs(one.offset)) for one in command.axis_mappings]
     largest += [(constant.target, abs(constant.value)) for constant in command.message_value]
     for target, value in largest:
@@ -314,11 +319,11 @@ def _request(name: str, command: Action | Service, at: str) -> HandRequest:
     short_name = full_name.rpartition("/")[2]
     if short_name not in REQUESTS and short_name not in CONTENTS:
         known = ", ".join((*REQUESTS, *CONTENTS, f"CONTROLLER/{STEP}"))
-        raise ConfigError(f"{at}.{key} = '{full_name}': known are {known}")
+        raise ConfigError(f"{at}.{key} = '{full_name}': unknown; write one of {known}")
     try:
         if short_name in CONTENTS:
             return HandRequest(name, msgspec.convert(content, CONTENTS[short_name]).request)
         msgspec.convert(content, NoContent)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{at}.{content_key}: {error}") from error
+        raise ConfigError(add_advice(f"{at}.{content_key}: {error}", "correct it")) from error
     return HandRequest(name, REQUESTS[short_name])

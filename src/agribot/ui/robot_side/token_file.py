@@ -39,7 +39,7 @@ def read_or_make_tokens(path: Path) -> Tokens:
         reason = f"--token-file {path} holds no tokens: {error}; delete it to have new ones made"
         raise ConfigError(reason) from error
     if others:
-        raise ConfigError(f"--token-file {path} can be read by others: chmod 600 {path}")
+        raise ConfigError(f"--token-file {path} can be read by others; chmod 600 {path}")
     return tokens
 
 

@@ -20,7 +20,7 @@ from typing import Literal
 import msgspec
 
 from agribot.core.fact_text import render
-from agribot.core.facts import Fact, LoginNeeded, TokensWrong, TokenWrong
+from agribot.core.facts import Fact, TokenNeeded, TokensWrong, TokenWrong
 from agribot.core.messages import AskerKind, Who
 from agribot.ui.server.guesses import Guesses
 from agribot.ui.server.signed_session import RENEW_AFTER_S, Session, Signer
@@ -107,7 +107,7 @@ class Access:
             )
         caller = bearer or self._visitor(headers)
         if caller.role is None and not _is_open(path):
-            return Refusal(status=401, why=LoginNeeded())
+            return Refusal(status=401, why=TokenNeeded())
         return caller
 
     def login(self, token: str, address: str) -> str | Refusal:

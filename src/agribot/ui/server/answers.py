@@ -75,11 +75,11 @@ async def read_body(request: Request, type: type[T], status: int = 400) -> T:
     try:
         return msgspec.json.decode(data, type=type)
     except msgspec.ValidationError as error:
-        raise Unusable(status, f"the request is not usable: {error}") from error
+        raise Unusable(status, f"the request is not usable: {error}; correct it") from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise Unusable(400, f"not JSON: {error}") from error
+        raise Unusable(400, f"not JSON: {error}; send JSON") from error
     except RecursionError as error:
-        raise Unusable(400, "JSON that is nested too deeply to be read") from error
+        raise Unusable(400, "JSON is nested too deeply to be read; send less") from error
 
 
 def need_seat(request: Request) -> None:

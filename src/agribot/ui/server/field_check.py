@@ -58,10 +58,10 @@ def check_field(collection: Any, datum: Datum) -> wire.FieldReply:
 
 def _features(collection: Any) -> list[Any]:
     if not isinstance(collection, dict) or collection.get("type") != "FeatureCollection":
-        raise Unusable(422, "a field is a GeoJSON FeatureCollection")
+        raise Unusable(422, "this is not a field; send a GeoJSON FeatureCollection")
     features = collection.get("features")
     if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
-        raise Unusable(422, "the FeatureCollection has no list of features")
+        raise Unusable(422, "the FeatureCollection has no list of features; add it")
     if len(features) > MAX_FEATURES:
         raise Unusable(422, f"{len(features)} features, more than {MAX_FEATURES}; thin them out")
     return features
@@ -85,9 +85,9 @@ def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
 
     geometry = feature.get("geometry") or {}
     if kind not in SHAPES:
-        raise _Fault(f"kind must be one of {', '.join(KINDS)}")
+        raise _Fault(f"kind is unknown; give one of {', '.join(KINDS)}")
     if geometry.get("type") not in SHAPES[kind]:
-        raise _Fault(f"a {geometry.get('type')}, but must be a {' or '.join(SHAPES[kind])}")
+        raise _Fault(f"a {geometry.get('type')}; draw a {' or '.join(SHAPES[kind])}")
     try:
         lonlat = shape_of(geometry)
     except (
@@ -97,18 +97,19 @@ def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
         OverflowError,
         shapely.errors.ShapelyError,
     ) as error:
-        raise _Fault(str(error)) from error
+        raise _Fault(f"unusable shape ({error}); draw it anew") from error
     coordinates = shapely.get_coordinates(lonlat)
     if len(coordinates) == 0 or len(coordinates) > MAX_VERTICES:
         raise _Fault(f"{len(coordinates)} vertices; 1 to {MAX_VERTICES} can be worked with")
     far = _too_far(coordinates, frame)
     if far is not None:
-        raise _Fault(f"farther than {MAX_DISTANCE_M / 1e3:g} km from the field's origin", far)
+        what = f"farther than {MAX_DISTANCE_M / 1e3:g} km from the field's origin; move it there"
+        raise _Fault(what, far)
     shape = shapely.transform(lonlat, lambda points: _in_map(points, frame))
     cleaned = clean_area(shape) if isinstance(shape, shapely.Polygon) else shape
     if cleaned is None or not cleaned.is_valid:
-        text = shapely.is_valid_reason(shape).lower().split("[")[0]
-        raise _Fault(text, _fault_place(shape))
+        reason = shapely.is_valid_reason(shape).lower().split("[")[0]
+        raise _Fault(f"{reason}; draw it anew", _fault_place(shape))
     return cleaned
 
 

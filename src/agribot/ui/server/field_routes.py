@@ -129,12 +129,14 @@ def find_file_in_form(content_type: str, data: bytes) -> tuple[str, bytes]:
     """
     boundary = message_from_string(f"Content-Type: {content_type}\n\n").get_boundary()
     if not boundary:
-        raise Unusable(400, "the form names no boundary between its parts")
+        raise Unusable(
+            400, "the form names no boundary between its parts; send multipart/form-data"
+        )
     for part in (b"\r\n" + data).split(b"\r\n--" + boundary.encode())[1:-1]:
         head, _, payload = part.removeprefix(b"\r\n").partition(b"\r\n\r\n")
         if name := message_from_bytes(head[:MAX_PART_HEAD_BYTES]).get_filename():
             return name, payload
-    raise Unusable(400, "the form holds no file")
+    raise Unusable(400, "the form holds no file; choose one")
 
 
 async def check_plan(request: Request) -> Response:

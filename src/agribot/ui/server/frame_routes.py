@@ -34,12 +34,14 @@ async def weed_picture(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     weed = hub.live.weeds.get(request.path_params["id"])
     if weed is None or not is_robot_shown(request):
-        raise Unusable(404, "there are pictures of the weeds of the running robot only")
+        raise Unusable(404, "there are pictures of the weeds of the running robot only; show it")
     question = wire.FindPlantPicture(x_map_m=weed.x_map_m, y_map_m=weed.y_map_m)
     found = await ask_robot(request, question, wire.PlantPictureFile)
     if not found.jpeg:
         raise Unusable(
-            404, "no picture of it is kept: it was seen too long ago, or before a resume"
+            404,
+            "no picture of it is kept: it was seen too long ago, or before a resume; choose "
+            "another",
         )
     headers = {"cache-control": "no-store", "x-captured-s": f"{found.t_s:.2f}"}
     return Response(found.jpeg, media_type="image/jpeg", headers=headers)

@@ -206,7 +206,7 @@ def _number(request: Request) -> int:
     """
     number: int = request.path_params["number"]
     if all(number != one.number for one in _labels(request).list_pictures()):
-        raise Unusable(404, f"there is no picture {number}")
+        raise Unusable(404, f"there is no picture {number}; load the page again")
     return number
 
 
@@ -265,7 +265,9 @@ async def _save_classes(request: Request) -> Response:
         if len(data) > size:
             break
     if len(data) != size:
-        raise Unusable(400, f"the classes are not those of {shape[1]} x {shape[0]} pixels")
+        raise Unusable(
+            400, f"the classes are not those of {shape[1]} x {shape[0]} pixels; load the page again"
+        )
     class_id = np.frombuffer(bytes(data), np.uint8).reshape(shape)
     is_done = request.query_params.get("done") == "1"
     known = request.headers.get("if-match", "").strip('"')

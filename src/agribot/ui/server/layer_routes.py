@@ -31,7 +31,7 @@ async def delete_layer(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     name = request.path_params["name"]
     if not hub.layers.remove(name):
-        raise Unusable(404, f"no layer '{name[:80]}'")
+        raise Unusable(404, f"no layer '{name[:80]}'; load the page again")
     hub.note(who_asks(request), f"removes layer '{name}'")
     return Response(status_code=204)
 

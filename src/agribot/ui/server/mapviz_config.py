@@ -23,10 +23,12 @@ def displays_of(data: bytes) -> dict[str, Any]:
     try:
         tree = read_yaml(data)
     except UnusableYaml as error:
-        raise Unusable(422, f"not the YAML of a mapviz configuration: {error}") from error
+        raise Unusable(
+            422, f"not the YAML of a mapviz configuration: {error}; save it anew"
+        ) from error
     listed = tree.get("displays") if isinstance(tree, dict) else None
     if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
-        raise Unusable(422, "no configuration of mapviz: it has no list 'displays'")
+        raise Unusable(422, "no list 'displays'; give a configuration of mapviz")
     if len(listed) > MAX_DISPLAYS:
         raise Unusable(422, f"{len(listed)} displays; at most {MAX_DISPLAYS} are taken")
     found: dict[str, Any] = {"displays": [], "left_out": [], "view": _view_of(tree)}
@@ -99,7 +101,9 @@ def config_of(displays: list[dict[str, Any]], view: dict[str, Any] | None = None
             entry = {"type": PREFIX + type_, "name": str(display["title"]), "config": config}
             listed.append(entry)
     except (KeyError, TypeError, ValueError) as error:
-        raise Unusable(400, f"these are no displays of a view: {error}") from error
+        raise Unusable(
+            400, f"these are no displays of a view: {error}; load the page again"
+        ) from error
     tree = {
         "fixed_frame": "map", **_write_view(view or {}), "use_latest_transforms": True,
         "show_displays": True, "displays": listed,

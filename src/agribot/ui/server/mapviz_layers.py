@@ -22,13 +22,13 @@ def make_layer(
     """
     type_ = request.type.removeprefix(PREFIX)
     if type_ in TOOLS:
-        raise BadLayer(f"'{type_}' is a tool, which is always there, at the left of the map")
+        raise BadLayer(f"'{type_}' is a tool; it is always there, at the left of the map")
     if type_ not in TABLE:
-        raise BadLayer(f"type '{request.type[:60]}' is no display of the map")
+        raise BadLayer(f"type '{request.type[:60]}' is not a display of the map; name another")
     values = {key: _read_value(text[:_MOST_VALUE]) for key, text in request.properties.items()}
     display, odd = read_display(type_, request.name, values)
     if not display["source"]:
-        raise BadLayer(f"a display of type '{type_}' needs the property topic")
+        raise BadLayer(f"a display of type '{type_}' has no topic; add the property topic")
     frame = FRAME if type_ == "tf_frame" else ""
     layer = wire.OutsideLayer(
         name=request.name,

@@ -44,11 +44,13 @@ class OutsideLayers:
         """
         name = layer.name.strip()
         if not 0 < len(name) <= MOST_NAME or not name.isprintable():
-            raise BadLayer(f"name '{name[:80]}': 1 to {MOST_NAME} printable letters")
+            raise BadLayer(
+                f"name '{name[:80]}' is unusable; give 1 to {MOST_NAME} printable letters"
+            )
         if not self._is_known(layer.type):
             raise BadLayer(f"type '{layer.type[:40]}' is no display; see docs/operator-page.md")
         if (layer.data is None) == (not layer.topic):
-            raise BadLayer("give either data or topic, such as ros1:/scan")
+            raise BadLayer("data and topic, or neither; give data or a topic such as ros1:/scan")
         if layer.type == "geojson" and not layer.topic:
             _check_geojson(layer.data)
         data = msgspec.json.encode(layer.data)
@@ -71,13 +73,13 @@ class OutsideLayers:
         try:
             order = msgspec.json.decode(text, type=LayerOrder)
         except (msgspec.DecodeError, RecursionError) as error:
-            raise BadLayer(f"not the JSON of a layer: {error}") from error
+            raise BadLayer(f"not the JSON of a layer: {error}; correct it") from error
         if order.action == "delete":
             return (
                 f"layer '{order.name}' {'removed' if self.remove(order.name) else 'is not there'}"
             )
         if order.action != "set":
-            raise BadLayer(f"action '{order.action[:20]}' is neither set nor delete")
+            raise BadLayer(f"action '{order.action[:20]}' is unknown; give set or delete")
         fields = {name: getattr(order, name) for name in wire.OutsideLayer.__struct_fields__}
         self.set(wire.OutsideLayer(**fields))
         return f"layer '{order.name}' set"
@@ -122,10 +124,10 @@ def make_id(name: str) -> str:
 
 def _check_geojson(data: Any) -> None:
     if not isinstance(data, dict) or data.get("type") not in ("Feature", "FeatureCollection"):
-        raise BadLayer("data of type geojson is a Feature or a FeatureCollection")
+        raise BadLayer("data of type geojson is unknown; send a Feature or a FeatureCollection")
     features = data.get("features") if data["type"] == "FeatureCollection" else [data]
     if not isinstance(features, list) or not all(_is_feature(one) for one in features):
-        raise BadLayer("a FeatureCollection has features, each with a geometry and its type")
+        raise BadLayer("features are missing; send each with a geometry and its type")
 
 
 def _is_feature(feature: Any) -> bool:

@@ -31,7 +31,7 @@ _S = 1e-9
 
 
 def _refuse(ros_type: str, _data: bytes) -> Any:
-    raise BridgeError(f"{ros_type} is not read yet")
+    raise BridgeError(f"{ros_type} is not read yet; wait")
 
 
 class _Kept:

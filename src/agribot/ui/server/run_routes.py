@@ -84,7 +84,7 @@ async def recording_file(request: Request) -> Response:
     run, file = request.path_params["run"], request.path_params["file"]
     folder = inside(Path(hub.about.runs_dir), run)
     if folder is None or "/" in run or not (folder / RECORDING).is_file():
-        raise Unusable(404, f"no recording '{run[:80]}'")
+        raise Unusable(404, f"no recording '{run[:80]}'; load the page again")
     return served_file(folder, file, download=f"{run}-{file}")
 
 
@@ -122,9 +122,9 @@ async def replay(request: Request) -> Response:
         hub.end_replay(session)
         return json_answer(_describe_shown(hub, session))
     if not 0.0 <= wanted.speed <= MAX_SPEED:
-        raise Unusable(400, f"speed {wanted.speed!r}: 0 (pause) or {MIN_SPEED:g} to {MAX_SPEED:g}")
+        raise Unusable(400, f"speed {wanted.speed!r}; send 0 or {MIN_SPEED:g} to {MAX_SPEED:g}")
     if wanted.t_s is not None and wanted.t_s < -1.0:
-        raise Unusable(400, f"t_s {wanted.t_s!r}: a time in seconds")
+        raise Unusable(400, f"t_s {wanted.t_s!r}; send a time in seconds")
     player = hub.replays.find(session)
     if player is None or (wanted.name is not None and player.name != wanted.name):
         player = await _choose(hub, request.scope["agribot.caller"], str(wanted.name))
@@ -165,7 +165,7 @@ def _open(hub: Hub, name: str) -> Replay:
     folder = inside(Path(hub.about.runs_dir), name)
     path = None if folder is None or "/" in name else folder / RECORDING
     if path is None or not path.is_file():
-        raise Unusable(404, f"no recording '{name[:80]}'")
+        raise Unusable(404, f"no recording '{name[:80]}'; load the page again")
     return Replay.load(path, name)
 
 

@@ -21,7 +21,8 @@ def checked_name(name: str) -> str:
     """
     if not _NAME.fullmatch(name) or ".." in name:
         raise Unusable(
-            400, f"name '{name[:80]}': use up to 63 letters, digits, spaces and . _ - ( )"
+            400,
+            f"name '{name[:80]}' is unusable; use up to 63 letters, digits, spaces and . _ - ( )",
         )
     return name
 
@@ -44,7 +45,7 @@ class Store:
         try:
             return self._path(name).read_bytes()
         except OSError as error:
-            raise Unusable(404, f"nothing is stored under '{name}'") from error
+            raise Unusable(404, f"nothing is stored under '{name}'; load the page again") from error
 
     def write(self, name: str, document: Any) -> None:
         """Store a document.
@@ -55,7 +56,9 @@ class Store:
             self._folder.mkdir(parents=True, exist_ok=True)
             write_at_once(self._path(name), msgspec.json.encode(document))
         except OSError as error:
-            raise Unusable(507, f"cannot store '{name}': {error.strerror}") from error
+            raise Unusable(
+                507, f"cannot store '{name}': {error.strerror}; free disk space"
+            ) from error
 
     def delete(self, name: str) -> None:
         """Delete a document.
@@ -65,7 +68,7 @@ class Store:
         try:
             self._path(name).unlink()
         except OSError as error:
-            raise Unusable(404, f"nothing is stored under '{name}'") from error
+            raise Unusable(404, f"nothing is stored under '{name}'; load the page again") from error
 
     def _path(self, name: str) -> Path:
         return self._folder / f"{checked_name(name)}{self._suffix}"

@@ -23,7 +23,7 @@ async def list_topics(request: Request) -> Response:
 async def read_topics(request: Request) -> Response:
     wishes = (await read_body(request, wire.TopicWishes)).topics
     if len(wishes) > MOST_WISHES:
-        raise Unusable(422, f"{len(wishes)} topics: at most {MOST_WISHES} at a time")
+        raise Unusable(422, f"{len(wishes)} topics; ask for at most {MOST_WISHES} at a time")
     sources = find_sources(request)
     return json_answer(await run_in_thread(sources.read, wishes, _find_replay(request)))
 

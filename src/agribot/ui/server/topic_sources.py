@@ -132,7 +132,7 @@ class TopicSources:
     def _open_bag(self, name: str) -> RecordedTopics:
         path = next((path for path in self._list_bags() if path.name == name), None)
         if path is None:
-            raise BridgeError(f"no recording '{name[:80]}' in {self._bags_dir}")
+            raise BridgeError(f"no recording '{name[:80]}' in {self._bags_dir}; name another")
         with self._lock:
             if name not in self._bags:
                 while len(self._bags) >= MOST_BAGS:
