@@ -96,7 +96,7 @@ async def import_field(request: Request) -> Response:
         read = await run_in_process(_read_file, name, data, form, field, what="file")
         return Response(read, media_type="application/json", headers=NO_STORE)
     except AgribotError as error:
-        raise Unusable(422, render(find_fact(error), language_of(request))) from error
+        raise Unusable(422, find_fact(error)) from error
 
 
 async def export_field(request: Request) -> Response:
@@ -106,7 +106,7 @@ async def export_field(request: Request) -> Response:
     try:
         data = await run_in_process(write_field_file, suffix, collection, what="field")
     except AgribotError as error:
-        raise Unusable(422, render(find_fact(error), language_of(request))) from error
+        raise Unusable(422, find_fact(error)) from error
     return Response(data, media_type="application/octet-stream")
 
 
