@@ -22,7 +22,6 @@ def summarise(
     references = [result for cell, result in results.items() if not cell.fault]
     plants = sum(verdict.plants for verdict in verdicts)
     harmful = [verdict for verdict in begun if not verdict.is_harmless]
-    located_s = sum(result.located_s for result in results.values())
     return {
         "preset": PRESET,
         "cells": len(verdicts),
@@ -49,7 +48,9 @@ def summarise(
         "outside_m_max": max((verdict.outside_m for verdict in verdicts), default=None),
         "rolled_m_max": max((verdict.rolled_m for verdict in verdicts), default=None),
         "stops_too_long": sum(verdict.stops_too_long for verdict in verdicts),
-        "over_level_ratio": _divide(sum(v.over_level_s for v in verdicts), located_s),
+        "over_level_ratio": _divide(sum(v.over_level_ratio for v in verdicts), len(verdicts)),
+        "over_level_ratio_max": max((v.over_level_ratio for v in verdicts), default=None),
+        "cells_over_level": sum(v.over_level_ratio > 0.0 for v in verdicts),
         "red": sum(bool(verdict.red) for verdict in verdicts),
         "ended_badly": sum(bool(verdict.error) for verdict in verdicts),
         "false_stops": sum(map(count_false_stops, references)),

@@ -13,7 +13,7 @@ from agribot.lab.bench.fault_matrix.verdict import Verdict
 
 HEADS = ("fault", "also", "state", "course", "seed", "noticed after s", "named", "reaction", "code",
          "way after noticeable m", "crushed", "crushed after noticeable", "outside m", "rolled m",
-         "accused first", "blamed", "harmless", "red")  # fmt: skip
+         "over level ratio", "accused first", "blamed", "harmless", "red")  # fmt: skip
 COURSE_MARKS = {"once": "o", "for good": "g", "comes and goes": "c", "grows": "r"}
 RED, HARMLESS, UNSEEN, NEVER = "**R**", "·", "-", "n"
 LEGEND = (
@@ -107,7 +107,8 @@ def describe(result: Mapping[str, Any]) -> str:
         f"Outside the field at most {_metres(result['outside_m_max'])}; a robot that had to stand "
         f"rolled at most {_metres(result['rolled_m_max'])}; {result['stops_too_long']} stops took "
         "more than the drive promises. The true error was above the protection level for "
-        f"{_percent(result['over_level_ratio'], 2)} of the time. "
+        f"{_percent(result['over_level_ratio'], 2)} of the time, in {result['cells_over_level']} "
+        f"cells, for {_percent(result['over_level_ratio_max'], 0)} of the time in the worst. "
         f"{result['missions_without_fault']} drives without a fault, "
         f"{result['km_without_fault']:.2f} km, saw {result['false_stops']} false stops.\n"
     )
@@ -147,6 +148,7 @@ def _list_cells(verdict: Verdict) -> tuple[object, ...]:
         verdict.fault, verdict.also, verdict.state, verdict.course, verdict.seed,
         "" if verdict.noticed_s is None else f"{verdict.noticed_s:.2f}", named, verdict.reaction,
         verdict.code, f"{verdict.way_m:.2f}", verdict.crushed, verdict.crushed_noticeable,
-        f"{verdict.outside_m:.2f}", f"{verdict.rolled_m:.2f}", " ".join(verdict.accused),
+        f"{verdict.outside_m:.2f}", f"{verdict.rolled_m:.2f}", f"{verdict.over_level_ratio:.4f}",
+        " ".join(verdict.accused),
         " ".join(verdict.blamed), "yes" if verdict.is_harmless else "no", "; ".join(verdict.red),
     )  # fmt: skip

@@ -51,7 +51,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     rolled_m: float
     stop_m: float
     stops_too_long: int
-    over_level_s: float
+    over_level_ratio: float
     is_harmless: bool
     accused: tuple[str, ...]
     blamed: tuple[str, ...]
@@ -94,7 +94,7 @@ def judge(result: CellResult, usual: CellResult) -> Verdict:
         rolled_m=result.rolled_m,
         stop_m=result.stop_m,
         stops_too_long=result.stops_too_long,
-        over_level_s=result.over_level_s,
+        over_level_ratio=result.over_level_ratio or 0.0,
         is_harmless=noticed_s is None and _is_usual(result, usual),
         accused=_find_accused(signs, faults),
         blamed=tuple(dict.fromkeys(_list_blamed(signs, faults))),
