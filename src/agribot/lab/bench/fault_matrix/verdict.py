@@ -6,7 +6,7 @@ An event counts as a sign of a fault only where the same drive without a fault h
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
@@ -60,8 +60,11 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     red: tuple[str, ...] = ()
 
 
-def judge(result: CellResult, usual: CellResult) -> Verdict:
-    """Judge a cell beside the same drive without a fault."""
+def judge(result: CellResult, usual: CellResult, across_m: float) -> Verdict:
+    """Judge a cell beside the same drive without a fault.
+
+    `across_m` is how far off the row a drive may be without one.
+    """
     cell = result.cell
     texts = cell.list_faults(result.onset_s)
     signs = _leave_out_usual(result.events, usual.events)
@@ -95,7 +98,7 @@ def judge(result: CellResult, usual: CellResult) -> Verdict:
         stop_m=result.stop_m,
         stops_too_long=result.stops_too_long,
         over_level_ratio=result.over_level_ratio or 0.0,
-        is_harmless=noticed_s is None and _is_usual(result, usual),
+        is_harmless=noticed_s is None and _is_usual(result, usual, across_m),
         accused=_find_accused(signs, faults),
         blamed=tuple(dict.fromkeys(_list_blamed(signs, faults))),
         plants=result.plants,
@@ -133,12 +136,17 @@ def _measure_way_m(way: Sequence[tuple[float, float]], from_s: float) -> float:
     return later[-1] - later[0] if later else 0.0
 
 
-def _is_usual(result: CellResult, usual: CellResult) -> bool:
-    """Whether the truth of a drive is what it may be without a fault."""
-    across_m, p95_m, most_m = result.across_max_m, usual.across_p95_m, usual.across_max_m
-    is_near = across_m is None or (
-        p95_m is not None and most_m is not None and across_m <= max(HARMLESS_RATIO * p95_m, most_m)
+def find_usual_across_m(references: Iterable[CellResult]) -> float:
+    """Find how far off its row a drive without a fault may be: twice the 95 %, or the worst."""
+    return max(
+        (max(HARMLESS_RATIO * (r.across_p95_m or 0.0), r.across_max_m or 0.0) for r in references),
+        default=0.0,
     )
+
+
+def _is_usual(result: CellResult, usual: CellResult, across_m: float) -> bool:
+    """Whether the truth of a drive is what it may be without a fault."""
+    is_near = (result.across_max_m or 0.0) <= across_m
     is_inside = result.outside_m <= usual.outside_m + OUTSIDE_M
     return is_near and is_inside and not result.crushes and result.rolled_m <= ROLLED_M
 
@@ -188,8 +196,9 @@ def _list_red(verdict: Verdict) -> Iterator[str]:
 
 def judge_all(results: Mapping[Cell, CellResult]) -> tuple[Verdict, ...]:
     """Judge all cells whose reference was driven."""
+    across_m = find_usual_across_m(r for cell, r in results.items() if not cell.fault)
     return tuple(
-        judge(result, results[cell.reference])
+        judge(result, results[cell.reference], across_m)
         for cell, result in results.items()
         if cell.fault and cell.reference in results
     )
