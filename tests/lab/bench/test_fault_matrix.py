@@ -14,7 +14,7 @@ from agribot.lab.bench.fault_matrix.cells import Cell
 from agribot.lab.bench.fault_matrix.covering import cover_pairs
 from agribot.lab.bench.fault_matrix.driving import CellResult
 from agribot.lab.bench.fault_matrix.states import STATES
-from agribot.lab.bench.fault_matrix.verdict import Verdict, find_usual_across_m, judge
+from agribot.lab.bench.fault_matrix.verdict import CellVerdict, find_usual_across_m, judge
 from agribot.record.events import Event
 from agribot.sim.faults.schedule import parse_fault
 from agribot.sim.faults.table import FAULTS
@@ -89,7 +89,7 @@ STOP = Event(
 )
 
 
-def judge_one(*events: Event, crushed_s: tuple[float, ...] = (), **more: float) -> Verdict:
+def judge_one(*events: Event, crushed_s: tuple[float, ...] = (), **more: float) -> CellVerdict:
     found = result(*events, crushed_s=crushed_s, **more)
     return judge(found, USUAL, find_usual_across_m([USUAL]))
 

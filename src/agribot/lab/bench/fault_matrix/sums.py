@@ -9,13 +9,13 @@ import msgspec
 
 from agribot.lab.bench.fault_matrix.cells import PRESET, Cell
 from agribot.lab.bench.fault_matrix.driving import CellResult
-from agribot.lab.bench.fault_matrix.verdict import Verdict
+from agribot.lab.bench.fault_matrix.verdict import CellVerdict
 
 PRESSED = "stop_to_clear"  # code of a stop that an operator pressed
 
 
 def summarise(
-    verdicts: Sequence[Verdict], results: Mapping[Cell, CellResult], lost: Sequence[Cell]
+    verdicts: Sequence[CellVerdict], results: Mapping[Cell, CellResult], lost: Sequence[Cell]
 ) -> dict[str, Any]:
     """Sum up all cells. Ratios are over the cells whose fault began."""
     begun = [verdict for verdict in verdicts if verdict.began]

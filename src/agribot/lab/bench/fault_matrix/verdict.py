@@ -23,7 +23,7 @@ HARMLESS_RATIO = 2.0
 _REACTIONS: tuple[Reaction, ...] = ("stopped", "held", "slowed", "named", "none")
 
 
-class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+class CellVerdict(msgspec.Struct, frozen=True, kw_only=True):
     """One cell: times count from the begin of its fault, ways and plants from what is said.
 
     `noticeable` is when the robot noticed it, or could have. `accused` are the parts of the first
@@ -60,7 +60,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     red: tuple[str, ...] = ()
 
 
-def judge(result: CellResult, usual: CellResult, across_m: float) -> Verdict:
+def judge(result: CellResult, usual: CellResult, across_m: float) -> CellVerdict:
     """Judge a cell beside the same drive without a fault.
 
     `across_m` is how far off the row a drive may be without one.
@@ -76,7 +76,7 @@ def judge(result: CellResult, usual: CellResult, across_m: float) -> Verdict:
         result.onset_s + cell.detectable_in_s, math.inf if noticed_s is None else noticed_s
     )
     crushes_s = [crush.t_s for crush in result.crushes if not _is_handled(crush.t_s, faults)]
-    verdict = Verdict(
+    verdict = CellVerdict(
         fault=cell.fault,
         also=cell.also,
         state=cell.state,
@@ -177,7 +177,7 @@ def _list_blamed(signs: Sequence[Event], faults: Sequence[Fault]) -> Iterator[st
             yield from event.parts
 
 
-def _list_red(verdict: Verdict) -> Iterator[str]:
+def _list_red(verdict: CellVerdict) -> Iterator[str]:
     if verdict.error:
         yield f"ended by {verdict.error}"
     if verdict.crushed_noticeable:
@@ -194,7 +194,7 @@ def _list_red(verdict: Verdict) -> Iterator[str]:
         yield f"{', '.join(verdict.accused)} accused first"
 
 
-def judge_all(results: Mapping[Cell, CellResult]) -> tuple[Verdict, ...]:
+def judge_all(results: Mapping[Cell, CellResult]) -> tuple[CellVerdict, ...]:
     """Judge all cells whose reference was driven."""
     across_m = find_usual_across_m(r for cell, r in results.items() if not cell.fault)
     return tuple(
