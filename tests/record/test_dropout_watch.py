@@ -96,6 +96,18 @@ def test_two_dropouts_and_a_steady_rhythm_are_no_news() -> None:
     assert watch(drive({}))[1].summarise() == {}
 
 
+def test_a_clock_that_leaps_and_goes_back_is_no_program_that_stands() -> None:
+    leaps = [(10.0, 12.0), (20.0, 22.0), (30.0, 32.0), (40.0, 42.0)]
+
+    def leap(batch: SensorBatch) -> SensorBatch:
+        is_off = any(begin_s < batch.t_s < end_s for begin_s, end_s in leaps)
+        return msgspec.structs.replace(batch, t_s=batch.t_s + 2.0 * is_off)
+
+    found, dropouts = watch(map(leap, drive({})))
+    assert found == []
+    assert dropouts.summarise() == {}
+
+
 def test_samples_that_jitter_are_no_dropouts() -> None:
     rng = np.random.default_rng(1)
     late = [(float(t_s), float(rng.uniform(0.02, 0.15))) for t_s in np.arange(2.0, 58.0, 0.5)]

@@ -67,7 +67,7 @@ CONTRACT: dict[str, Any] = {
         "crushed_after_fault", "person_distance_min_m", "gate", "checks",
         "stop_allowed_m", "stops_too_long", "crushes",
         "interventions", "km_per_intervention", "dropouts",
-        "waits_for_obstacles", "visits",
+        "waits_for_obstacles", "visits", "over_level_ratio",
     ],
     "marks": None,
     "job": None,
@@ -137,7 +137,7 @@ def test_what_nobody_measured_is_null() -> None:
         "person_distance_min_m": None, "gate": [], "checks": [],
         "stop_allowed_m": None, "stops_too_long": None, "crushes": [],
         "interventions": [], "km_per_intervention": None, "dropouts": None,
-        "waits_for_obstacles": 0, "visits": [],
+        "waits_for_obstacles": 0, "visits": [], "over_level_ratio": None,
     }  # fmt: skip
 
 

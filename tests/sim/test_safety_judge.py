@@ -179,6 +179,20 @@ def test_a_robot_that_rolls_on_has_not_kept_what_its_drive_promises() -> None:
     assert kept.stops_too_long == 1
 
 
+def test_the_time_above_the_protection_level_counts_over_all_runs_of_a_job() -> None:
+    judge = SafetyJudge(None, ROBOT)
+    assert judge.score(set()).over_level_ratio is None
+    for ok, off_m in ((False, 9.0), (True, 0.1), (True, 0.1), (True, 0.6)):
+        record = tick(0.4)
+        estimate = msgspec.structs.replace(
+            record.estimate, x_map_m=off_m, y_map_m=5.0, ok=ok, protection_m=0.5
+        )
+        judge.look(msgspec.structs.replace(record, estimate=estimate), truth(1.0, 0.0, 0.4))
+    then = SafetyJudge(None, ROBOT)
+    then.restore(judge.export_state())
+    assert then.score(set()).over_level_ratio == pytest.approx(1 / 3)
+
+
 def test_a_robot_without_power_may_roll_out_from_where_it_lost_it_and_no_farther() -> None:
     roll_out_m = ROBOT.promise_roll_out_m(0.4)
     judge = SafetyJudge(None, ROBOT)

@@ -1,11 +1,12 @@
-"""What only the simulator knows, as events: crops crushed or sprayed, what was touched."""
+"""What only the simulator knows, as events: crops crushed or sprayed, what was touched, levels."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from agribot.core.messages import PlantClass, TickRecord
+from agribot.core.messages import Estimate, PlantClass, TickRecord
 from agribot.core.world import Plant, WorldSpec, is_person
 from agribot.record.events import Event
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from agribot.sim.platform import SimPlatform
 
 LET_GO_S = 2.0  # time without contact, before the same thing counts as touched anew
+KEPT_S = 2.0  # time within a protection level, before leaving it counts anew
 
 
 class TruthLog:
@@ -26,10 +28,12 @@ class TruthLog:
         self._kinds |= {walker.name: walker.kind for walker in world.walkers}
         self._fallen_reported = self._sprayed_reported = 0
         self._touched_s: dict[str, float] = {}
+        self._over_level_s = -KEPT_S
 
     def __call__(self, record: TickRecord) -> None:
         self._report_crushed(record.batch.t_s)
         self._report_sprayed(record.batch.t_s)
+        self._report_level(record.batch.t_s, record.estimate)
         if record.batch.bumper:
             self._report_touched(record.batch.t_s)
 
@@ -63,6 +67,19 @@ class TruthLog:
             what = "person" if is_person(self._kinds.get(name, "")) else "obstacle"
             self._report(t_s, f"touched the {what} '{name}'")
         self._touched_s[name] = t_s
+
+    def _report_level(self, t_s: float, estimate: Estimate) -> None:
+        from agribot.sim.safety_judge import is_over_level
+
+        truth = self._simulator.truth()
+        if not is_over_level(estimate, truth):
+            return
+        if t_s - self._over_level_s >= KEPT_S:
+            place_m, true_m = (estimate.x_map_m, estimate.y_map_m), (truth.x_map_m, truth.y_map_m)
+            off_m, level_m = math.dist(place_m, true_m), estimate.protection_m
+            self._report(t_s, f"position {off_m:.2f} m off, above its protection level of "
+                         f"{level_m:.2f} m")  # fmt: skip
+        self._over_level_s = t_s
 
     def _report(self, t_s: float, reason: str) -> None:
         self._add(Event(t_s=t_s, kind="truth", reason=reason))

@@ -50,6 +50,12 @@ class _Gaps:
         self._recent.append((t_s, gap_s))
         self._count, self._longest_s = self._count + 1, max(self._longest_s, gap_s)
 
+    def take_back(self, gap_s: float) -> None:
+        """Take back the last one, if it was this long."""
+        if self._recent and abs(self._recent[-1][1] - gap_s) < LEAST_S:
+            self._recent.pop()
+            self._count -= 1
+
     def find(self, part: ComingAndGoing, t_s: float) -> ComesAndGoes | None:
         """Find that there are many now, where that was not so before."""
         while self._recent and t_s - self._recent[0][0] > WITHIN_S:
@@ -128,6 +134,8 @@ class DropoutWatch:
         """Take in a batch; return what has become too much with it."""
         if not math.isfinite(batch.t_s):
             return []
+        if batch.t_s < self._t_s and "program" in self._gaps:  # a leap of the clock, no standstill
+            self._gaps["program"].take_back(self._t_s - batch.t_s)
         self._t_s = batch.t_s
         self._begin_s = batch.t_s if self._begin_s is None else self._begin_s
         stood_s = self._ticks.add(batch.t_s)
@@ -143,7 +151,8 @@ class DropoutWatch:
     def summarise(self) -> dict[ComingAndGoing, Dropouts]:
         """Return the dropouts until now, of parts that had any."""
         hours = (self._t_s - (self._begin_s or 0.0)) / 3600.0
-        return {part: gaps.summarise(hours) for part, gaps in self._gaps.items()}
+        found = {part: gaps.summarise(hours) for part, gaps in self._gaps.items()}
+        return {part: dropouts for part, dropouts in found.items() if dropouts.count}
 
     def _add(self, part: ComingAndGoing, gap_s: float) -> None:
         if gap_s > 0.0:

@@ -70,7 +70,8 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     clear     the supervisor has no objection any more
     gate      the supervisor's state changed: "driving -> held: why"
     check     what the list before the start of a mission found
-    truth     what only the simulator knows: a crop was crushed, a person was touched
+    truth     what only the simulator knows: a crop was crushed, a person was touched, the position
+              was farther off than its protection level
     lost      the recording is damaged: what happened from then on for a while is not known
     injected  a fault of the simulator began or ended, which the robot itself does not know
     """

@@ -241,7 +241,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     `km_per_intervention` is null where there were none. The way is the true one, or on a real
     robot the way that it believes to have driven. `dropouts` are the short silences by part, whose
     names are those of the fact `comes_and_goes`, of this run alone. `waits_for_obstacles`
-    counts how often it stood because something was in its way.
+    counts how often it stood because something was in its way. `over_level_ratio` is the share of
+    the time with a good estimate in which its true error was above its protection level.
     """
 
     stops: tuple[SafetyEvent, ...] = ()
@@ -261,6 +262,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     dropouts: dict[ComingAndGoing, Dropouts] | None = None
     waits_for_obstacles: int = 0
     visits: tuple[VisitReport, ...] = ()
+    over_level_ratio: float | None = None
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):

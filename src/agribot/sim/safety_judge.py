@@ -1,4 +1,4 @@
-"""What a fault can cost, by the truth: metres outside the field, way until a stop, crushed crop."""
+"""What a fault can cost, by the truth: metres outside, way until a stop, crushed crop, levels."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import STOP, FloatArray, MapPoint, Row, TickRecord
+from agribot.core.messages import STOP, Estimate, FloatArray, MapPoint, Row, TickRecord
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import project_on_row
 from agribot.sim.field_edge import FieldEdge
@@ -38,7 +38,8 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
     `stop_allowed_m` what the robot promises at the speed of that stop, by its brakes or, where
     the motors lost their power, by rolling out, and `stops_too_long` counts the stops that took
     more than was promised. `crushes` are those after the first fault,
-    `stood_s` when the robot came to rest since; both of this run alone.
+    `stood_s` when the robot came to rest since; both of this run alone. `over_level_ratio` is the
+    share of the time with a good estimate in which its error was above its protection level.
     """
 
     outside_m_max: float = 0.0
@@ -50,6 +51,7 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
     stood_s: tuple[float, ...] = ()
     person_distance_min_m: float | None = None  # between outlines; None without a person
     visits: tuple[Encounter, ...] = ()  # those of this run alone
+    over_level_ratio: float | None = None
 
 
 class SafetyState(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,6 +62,14 @@ class SafetyState(msgspec.Struct, frozen=True, kw_only=True):
     stop_allowed_m: float | None = None
     stops_too_long: int = 0
     crushed_before: tuple[int, ...] | None = None
+    located_ticks: int = 0
+    over_level_ticks: int = 0
+
+
+def is_over_level(estimate: Estimate, truth: Truth) -> bool:
+    """Whether an estimate that is good is farther off than its protection level."""
+    place_m, true_m = (estimate.x_map_m, estimate.y_map_m), (truth.x_map_m, truth.y_map_m)
+    return estimate.ok and math.dist(place_m, true_m) > estimate.protection_m
 
 
 class StopWatch:
@@ -131,6 +141,7 @@ class SafetyJudge:
         self._next_look_s = -math.inf
         self._stop = StopWatch(robot)
         self._is_moving = False
+        self._located_ticks = self._over_level_ticks = 0
         self._stood_s: list[float] = []
         self.crushed_before: frozenset[int] | None = None
 
@@ -141,6 +152,8 @@ class SafetyJudge:
             outside_m = self._edge.measure_outside_m(*xy_m, truth.yaw_map_rad)
             self._was_inside = self._was_inside or not outside_m
             self._outside_m = max(self._outside_m, outside_m if self._was_inside else 0.0)
+        self._located_ticks += record.estimate.ok
+        self._over_level_ticks += is_over_level(record.estimate, truth)
         is_stopped = record.command.drive == STOP and bool(record.reason)
         is_cut = record.command.is_power_cut
         self._stop.look(xy_m, truth.v_mps, is_stopped=is_stopped, is_cut=is_cut)
@@ -152,6 +165,8 @@ class SafetyJudge:
     def restore(self, before: SafetyState) -> None:
         self._outside_m = max(self._outside_m, before.outside_m_max)
         self._stop.restore(before)
+        self._located_ticks += before.located_ticks
+        self._over_level_ticks += before.over_level_ticks
         if before.crushed_before is not None:
             self.crushed_before = frozenset(before.crushed_before)
 
@@ -163,6 +178,8 @@ class SafetyJudge:
             stop_allowed_m=self._stop.allowed_m,
             stops_too_long=self._stop.too_long,
             crushed_before=None if before is None else tuple(sorted(before)),
+            located_ticks=self._located_ticks,
+            over_level_ticks=self._over_level_ticks,
         )
 
     def score(self, crushed: set[int], crushes: Sequence[tuple[int, Crush]] = ()) -> SafetyScore:
@@ -180,6 +197,9 @@ class SafetyJudge:
             crushed_after_fault=None if before is None else len(crushed - before),
             crushes=tuple(sorted(late, key=lambda crush: crush.t_s)),
             stood_s=tuple(self._stood_s),
+            over_level_ratio=(
+                self._over_level_ticks / self._located_ticks if self._located_ticks else None
+            ),
         )
 
 

@@ -101,7 +101,9 @@ def test_one_spoilt_number_of_the_imu_is_told_and_no_tilt(
     gate = Gate().cruise()
     sent, reason = gate.send(batch=spoilt(gate, **changes))
     assert (sent.drive, reason) == (FORWARD, None)
-    assert gate.supervisor.gate.warning_fact == ImuSpoilt(value)
+    fact = gate.supervisor.gate.warning_fact
+    assert fact == ImuSpoilt(value)
+    assert fact.parts == ("imu", "link")  # the sensor, or what carries its numbers
     for _ in range(300):
         sent, reason = gate.send()
     assert (sent.drive, reason) == (FORWARD, None)

@@ -182,6 +182,17 @@ def test_a_gyro_whose_bias_has_changed_is_learnt_anew_while_the_robot_stands() -
     assert abs(play(recording)[-1].yaw_rate_radps) < 1e-6
 
 
+def test_a_rate_at_standstill_that_is_a_turn_or_a_bias_opens_the_heading() -> None:
+    """The gyro is off by 0.01 rad/s while the robot stands, fixes end, and it drives on it."""
+    stood = record(lambda t: (0.4, 0.0) if t > 32.0 else (0.0, 0.0), 42.0, seed=4)
+    recording = msgspec.structs.replace(turned_standing(stood, 0.01, 20.0), truth=stood.truth)
+    fixes = [fix for fix in recording.fixes if fix[1].t_s < 24.0]
+    last = play(msgspec.structs.replace(recording, fixes=fixes))[-1]
+    assert abs(yaw_error_deg(recording, last)) > 4.0
+    assert abs(math.radians(yaw_error_deg(recording, last))) < 3.0 * last.yaw_std_rad
+    assert 0.3 < distance_m(recording, last) < last.protection_m
+
+
 def test_slip_on_a_slope_points_downhill_on_both_headings() -> None:
     """The robot crabs to the East on its way North and to the East on its way South."""
     errors = msgspec.structs.replace(QUIET, slope_rad=0.05)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.witnesses.spin_watch import moves_against
 from agribot.core.facts import (
     ClockLeapt,
     CompassTurned,
@@ -229,6 +230,16 @@ def test_wheels_that_turn_in_mud_are_blamed_and_not_the_receiver() -> None:
     assert FROM_S < first.t_s < FROM_S + 2.5
     assert isinstance(first.verdicts["wheels"].fact, WheelsSlip)
     assert not any(e.contradiction_fact for e in estimates)
+
+
+@pytest.mark.parametrize(
+    ("claimed_mps", "shown_mps", "is_against"),
+    [(0.3, 0.05, False), (0.3, -0.1, False), (0.3, -0.25, True), (-0.3, 0.25, True)],
+)
+def test_a_robot_that_goes_against_its_wheels_is_not_on_soft_ground(
+    claimed_mps: float, shown_mps: float, is_against: bool
+) -> None:
+    assert moves_against(claimed_mps, shown_mps) is is_against
 
 
 def with_gyro(bias_radps: float) -> Change:

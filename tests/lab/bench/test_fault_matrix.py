@@ -14,7 +14,7 @@ from agribot.lab.bench.fault_matrix.cells import Cell
 from agribot.lab.bench.fault_matrix.covering import cover_pairs
 from agribot.lab.bench.fault_matrix.driving import CellResult
 from agribot.lab.bench.fault_matrix.states import STATES
-from agribot.lab.bench.fault_matrix.verdict import Verdict, judge
+from agribot.lab.bench.fault_matrix.verdict import CellVerdict, find_usual_across_m, judge
 from agribot.record.events import Event
 from agribot.sim.faults.schedule import parse_fault
 from agribot.sim.faults.table import FAULTS
@@ -89,8 +89,9 @@ STOP = Event(
 )
 
 
-def judge_one(*events: Event, crushed_s: tuple[float, ...] = (), **more: float) -> Verdict:
-    return judge(result(*events, crushed_s=crushed_s, **more), USUAL)
+def judge_one(*events: Event, crushed_s: tuple[float, ...] = (), **more: float) -> CellVerdict:
+    found = result(*events, crushed_s=crushed_s, **more)
+    return judge(found, USUAL, find_usual_across_m([USUAL]))
 
 
 def test_a_cell_says_when_it_was_noticed_how_far_it_drove_and_what_it_crushed() -> None:
@@ -119,7 +120,7 @@ def test_a_part_that_is_well_and_named_first_is_accused() -> None:
     later = judge_one(STOP, wrong)
     assert (later.accused, later.blamed, later.red) == ((), ("gnss",), ())
     usual = CellResult(cell=USUAL.cell, events=(wrong,))  # it says so without a fault, too
-    assert judge(result(wrong, STOP), usual).blamed == ()
+    assert judge(result(wrong, STOP), usual, 0.05).blamed == ()
 
 
 def test_a_matrix_is_driven_in_parts_and_no_cell_twice(

@@ -15,6 +15,7 @@ from agribot.autonomy.estimate.filter.history import UNMOVED, Motion
 from agribot.autonomy.estimate.filter.measurement import Measurement
 from agribot.autonomy.estimate.filter.odometry import Odometry, Step
 from agribot.autonomy.estimate.filter.priors import motion_noise, slow_ageing
+from agribot.autonomy.estimate.filter.standstill import WINDOW_S
 from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.estimate.integrity import Integrity
 from agribot.autonomy.estimate.sensors.compass import Compass
@@ -107,7 +108,8 @@ class Localizer:
         self._sight = RowSight(field)
         self._integrity = Integrity(self.pose, self._gnss)
         self._bias_gate = Gate(config.gate_sigma, STANDING_WINDOWS, "turns at standstill")
-        self._gives_way = False
+        # A rate at standstill is a turn, or a new bias: both stay possible while it lasts.
+        self._gives_way, self._turning_radps = False, 0.0
         self._last_line: Motion | None = None
         self._motion = UNMOVED
         self._unaged_s = self._unaged_rad = 0.0
@@ -272,7 +274,9 @@ class Localizer:
 
     def _learn_bias(self, step: Step) -> None:
         """Take the gyro's rate at standstill for its bias, unless it is far from what is known."""
-        self._gives_way = self._gives_way and step.is_still
+        if self._gives_way and not step.is_still:  # it drives off, and knows not which it was
+            self._doubt_at_least(GYRO_BIAS, self._turning_radps**2)
+            self._gives_way = False
         if step.zero_rate is None:
             return
         mean_radps, variance = step.zero_rate
@@ -285,6 +289,13 @@ class Localizer:
         )  # fmt: skip
         # once, the window may hold the end of a stop
         self._gives_way = verdict == "reject" and self._bias_gate.rejected_in_a_row > 1
+        if self._gives_way:
+            self._turning_radps = off_radps
+            turned_rad = off_radps * WINDOW_S * self._bias_gate.rejected_in_a_row
+            self._doubt_at_least(YAW, turned_rad**2)
+
+    def _doubt_at_least(self, state: int, variance: float) -> None:
+        self._ekf.inflate(state, max(variance - self._ekf.cov[state, state], 0.0))
 
     def _watch_turn(self, step: Step, yaw_rad: float) -> None:
         """Compare the step's turn with the other sensors, and correct a gyro that they outvote."""

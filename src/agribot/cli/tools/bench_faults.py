@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agribot.app.workers import usable_cpus
-from agribot.cli import bench_fault_matrix
 from agribot.cli.ranges import check_within, check_workers
+from agribot.cli.tools import bench_fault_matrix
 from agribot.cli.tools.sweep import drive_all
 from agribot.cli.word_list import parse_names
 from agribot.core import extras

@@ -55,9 +55,9 @@ class SensorNotFinite(_OfSensor, frozen=True):
 
 
 class ImuSpoilt(Fact, frozen=True):
-    """A number of the IMU is beyond the range of any such sensor."""
+    """A number of the IMU is beyond the range of any such sensor: its own, or its line's."""
 
-    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    about: ClassVar[tuple[Part, ...]] = ("imu", "link")
     severity: ClassVar[Severity] = "warning"
     value: float
 
@@ -65,7 +65,7 @@ class ImuSpoilt(Fact, frozen=True):
 class ImuLineSpoilt(Fact, frozen=True):
     """Several numbers of the IMU were beyond its range within seconds."""
 
-    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    about: ClassVar[tuple[Part, ...]] = ("imu", "link")
     count: int
     within_s: float
     limit_s: float

@@ -183,7 +183,7 @@ FAULTS = (
     FaultKind(name="robot.tipped", part="robot", typical="40",
               value=Span(unit="deg", low=1.0, high=50.0),
               about="the robot's front is lifted, in 2 s, until it is tilted by this"),
-    FaultKind(name="carried", part="robot", typical="0.5",
+    FaultKind(name="carried", part="robot", named_as=("robot", "start"), typical="0.5",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True), is_momentary=True,
               about="the robot is lifted, moved to its left by this and set down: in a second, or "
                     "2 s for each metre"),

@@ -25,7 +25,12 @@ from agribot.autonomy.estimate.witnesses.lost_way import (
     can_be_of_wheels,
     have_lost_way,
 )
-from agribot.autonomy.estimate.witnesses.spin_watch import SpinWatch, ahead_and_aside, doubts
+from agribot.autonomy.estimate.witnesses.spin_watch import (
+    SpinWatch,
+    ahead_and_aside,
+    doubts,
+    moves_against,
+)
 from agribot.autonomy.estimate.witnesses.velocity_way import MAX_GAP_S, VelocityWay
 from agribot.core.facts import WheelsSlip
 from agribot.core.messages import GnssFix
@@ -124,7 +129,9 @@ class GnssVelocity:
         spins = spins and self.noise.is_known and is_steady
         if spins:
             self._pose.rejected["wheels spin"] += 1
-            self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, claimed_mps + missing_mps[0])
+            shown_mps = claimed_mps + missing_mps[0]
+            if not moves_against(claimed_mps, shown_mps):
+                self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, shown_mps)
         opened = doubts(
             residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
             (wheel_mps, rate_radps), since_last_s * self._spin_after, is_corrected=is_corrected,

@@ -41,6 +41,11 @@ class SpinWatch:
         return spins
 
 
+def moves_against(claimed_mps: float, shown_mps: float) -> bool:
+    """Whether the robot goes the other way than its wheels claim: no soft ground does that."""
+    return shown_mps * claimed_mps < 0.0 and abs(shown_mps) > LOST_RATIO * abs(claimed_mps)
+
+
 def ahead_and_aside(vector: tuple[float, float], yaw_rad: float) -> tuple[float, float]:
     """Resolve a vector of the map along the robot and to its left."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)

@@ -44,8 +44,7 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     """What happened in the drive of a cell, without a verdict on it.
 
     `way` has pairs of time and metres driven, of the true clock and the true wheels. `rolled_m` is
-    the longest way of a robot that had come to rest and had to stand. `over_level_s` is the time
-    in which its true error was larger than its protection level.
+    the longest way of a robot that had come to rest and had to stand.
     """
 
     cell: Cell
@@ -56,8 +55,7 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     stood_s: tuple[float, ...] = ()
     way: tuple[tuple[float, float], ...] = ()
     rolled_m: float = 0.0
-    over_level_s: float = 0.0
-    located_s: float = 0.0
+    over_level_ratio: float | None = None
     outside_m: float = 0.0
     stop_m: float = 0.0
     stop_allowed_m: float | None = None
@@ -140,7 +138,7 @@ class _Drive:
         self._person = Person(SCRIPTS[task.cell.script](session.inbox))
         self._onsets = Onsets(task.cell.script)
         self._stood_s = self._over_s = self._bound_s = self._rolled_m = self._longest_m = 0.0
-        self._way_m = self._over_level_s = self._located_s = 0.0
+        self._way_m = 0.0
         self._has_rested = False
         self._way: list[tuple[float, float]] = []
         is_last = task.cell.state == "end" or not task.cell.fault
@@ -166,13 +164,6 @@ class _Drive:
         if not self._way or t_s - self._way[-1][0] >= WAY_EVERY_S:
             self._way.append((round(t_s, 2), round(self._way_m, 3)))
         self._measure_roll(record, v_mps)
-        truth, estimate = self._session.simulator.truth(), record.estimate
-        if estimate.ok:
-            error_m = math.dist(
-                (truth.x_map_m, truth.y_map_m), (estimate.x_map_m, estimate.y_map_m)
-            )
-            self._located_s += 1.0 / TICK_HZ
-            self._over_level_s += (error_m > estimate.protection_m) / TICK_HZ
 
     def _measure_roll(self, record: TickRecord, v_mps: float) -> None:
         """Add up the way of a robot that has come to rest, and has to stand."""
@@ -208,8 +199,7 @@ class _Drive:
             stood_s=score.stood_s,
             way=tuple(self._way),
             rolled_m=self._longest_m,
-            over_level_s=self._over_level_s,
-            located_s=self._located_s,
+            over_level_ratio=score.over_level_ratio,
             outside_m=score.outside_m_max,
             stop_m=score.stop_distance_m_max,
             stop_allowed_m=score.stop_allowed_m,

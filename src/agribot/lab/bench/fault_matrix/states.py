@@ -34,7 +34,7 @@ Test = Callable[[TickRecord], bool]
 Script = Callable[[Inbox], Waiting]
 
 
-class State(NamedTuple):
+class CellState(NamedTuple):
     """A state: the script that leads to it, the tick that reaches it, and the time from there on.
 
     `is_reached` None is the time 0.
@@ -148,18 +148,18 @@ SCRIPTS: dict[str, Script] = {
     KILLED: watch_only,
 }
 STATES = (
-    State("before the start", PLAIN, None),
-    State("waiting", PLAIN, lambda record: record.status.state == "waiting", 1.0),
-    State("start", PLAIN, _is_before_row, 0.5),
-    State("straight", PLAIN, _is_in_row, 5.0),
-    State("headland", PLAIN, _is_after_row, 0.5),
-    State("turn", PLAIN, _is_turning, 1.0),
-    State("paused", "pause", _is_paused, 4.0),
-    State("stopped", "stop", _is_stopped, 4.0),
-    State("by hand", "hand", lambda record: record.status.gate.state == "by hand", 2.0),
-    State("errand", "errand", lambda record: record.status.leg == "to the goal", 1.5),
-    State("resumed", KILLED, lambda record: record.status.state == "running", 2.0),
-    State("end", PLAIN, _has_ended, 3.0),
+    CellState("before the start", PLAIN, None),
+    CellState("waiting", PLAIN, lambda record: record.status.state == "waiting", 1.0),
+    CellState("start", PLAIN, _is_before_row, 0.5),
+    CellState("straight", PLAIN, _is_in_row, 5.0),
+    CellState("headland", PLAIN, _is_after_row, 0.5),
+    CellState("turn", PLAIN, _is_turning, 1.0),
+    CellState("paused", "pause", _is_paused, 4.0),
+    CellState("stopped", "stop", _is_stopped, 4.0),
+    CellState("by hand", "hand", lambda record: record.status.gate.state == "by hand", 2.0),
+    CellState("errand", "errand", lambda record: record.status.leg == "to the goal", 1.5),
+    CellState("resumed", KILLED, lambda record: record.status.state == "running", 2.0),
+    CellState("end", PLAIN, _has_ended, 3.0),
 )
 STATE_OF = {state.name: state for state in STATES}
 

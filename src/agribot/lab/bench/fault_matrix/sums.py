@@ -9,20 +9,19 @@ import msgspec
 
 from agribot.lab.bench.fault_matrix.cells import PRESET, Cell
 from agribot.lab.bench.fault_matrix.driving import CellResult
-from agribot.lab.bench.fault_matrix.verdict import Verdict
+from agribot.lab.bench.fault_matrix.verdict import CellVerdict
 
 PRESSED = "stop_to_clear"  # code of a stop that an operator pressed
 
 
 def summarise(
-    verdicts: Sequence[Verdict], results: Mapping[Cell, CellResult], lost: Sequence[Cell]
+    verdicts: Sequence[CellVerdict], results: Mapping[Cell, CellResult], lost: Sequence[Cell]
 ) -> dict[str, Any]:
     """Sum up all cells. Ratios are over the cells whose fault began."""
     begun = [verdict for verdict in verdicts if verdict.began]
     references = [result for cell, result in results.items() if not cell.fault]
     plants = sum(verdict.plants for verdict in verdicts)
     harmful = [verdict for verdict in begun if not verdict.is_harmless]
-    located_s = sum(result.located_s for result in results.values())
     return {
         "preset": PRESET,
         "cells": len(verdicts),
@@ -49,7 +48,9 @@ def summarise(
         "outside_m_max": max((verdict.outside_m for verdict in verdicts), default=None),
         "rolled_m_max": max((verdict.rolled_m for verdict in verdicts), default=None),
         "stops_too_long": sum(verdict.stops_too_long for verdict in verdicts),
-        "over_level_ratio": _divide(sum(v.over_level_s for v in verdicts), located_s),
+        "over_level_ratio": _divide(sum(v.over_level_ratio for v in verdicts), len(verdicts)),
+        "over_level_ratio_max": max((v.over_level_ratio for v in verdicts), default=None),
+        "cells_over_level": sum(v.over_level_ratio > 0.0 for v in verdicts),
         "red": sum(bool(verdict.red) for verdict in verdicts),
         "ended_badly": sum(bool(verdict.error) for verdict in verdicts),
         "false_stops": sum(map(count_false_stops, references)),

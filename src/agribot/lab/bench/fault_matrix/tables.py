@@ -9,11 +9,11 @@ from typing import Any
 
 from agribot.lab.bench.fault_matrix.cells import BURST_S, BURSTS, EVERY_S, ONCE_S, RISE_S
 from agribot.lab.bench.fault_matrix.states import STATES
-from agribot.lab.bench.fault_matrix.verdict import Verdict
+from agribot.lab.bench.fault_matrix.verdict import CellVerdict
 
 HEADS = ("fault", "also", "state", "course", "seed", "noticed after s", "named", "reaction", "code",
          "way after noticeable m", "crushed", "crushed after noticeable", "outside m", "rolled m",
-         "accused first", "blamed", "harmless", "red")  # fmt: skip
+         "over level ratio", "accused first", "blamed", "harmless", "red")  # fmt: skip
 COURSE_MARKS = {"once": "o", "for good": "g", "comes and goes": "c", "grows": "r"}
 RED, HARMLESS, UNSEEN, NEVER = "**R**", "·", "-", "n"
 LEGEND = (
@@ -24,29 +24,29 @@ LEGEND = (
 )
 
 
-def format_matrix(verdicts: Sequence[Verdict]) -> str:
+def format_matrix(verdicts: Sequence[CellVerdict]) -> str:
     """Format the single faults: a line for each, a column for each state."""
     single = [verdict for verdict in verdicts if not verdict.also]
     return _format_grid("fault", single, lambda v: v.fault, lambda v: v.state, _list_states(single))
 
 
-def format_pairs(verdicts: Sequence[Verdict]) -> str:
+def format_pairs(verdicts: Sequence[CellVerdict]) -> str:
     """Format the pairs: a line for the fault that was there, a column for the one that came."""
     pairs = [verdict for verdict in verdicts if verdict.also]
     seconds = tuple(dict.fromkeys(verdict.also for verdict in pairs))
     return _format_grid("first, then", pairs, lambda v: v.fault, lambda v: v.also, seconds)
 
 
-def _list_states(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
+def _list_states(verdicts: Sequence[CellVerdict]) -> tuple[str, ...]:
     known = {verdict.state for verdict in verdicts}
     return tuple(state.name for state in STATES if state.name in known)
 
 
 def _format_grid(
     corner: str,
-    verdicts: Sequence[Verdict],
-    line_of: Callable[[Verdict], str],
-    column_of: Callable[[Verdict], str],
+    verdicts: Sequence[CellVerdict],
+    line_of: Callable[[CellVerdict], str],
+    column_of: Callable[[CellVerdict], str],
     columns: Sequence[str],
 ) -> str:
     lines = [f"| {corner} | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
@@ -60,7 +60,7 @@ def _format_grid(
     return "\n".join(lines) + "\n"
 
 
-def _format_cell(verdict: Verdict) -> str:
+def _format_cell(verdict: CellVerdict) -> str:
     if not verdict.began:
         return NEVER
     mark = COURSE_MARKS[verdict.course]
@@ -71,7 +71,7 @@ def _format_cell(verdict: Verdict) -> str:
     return f"{RED} {seen}" if verdict.red else seen
 
 
-def format_red(verdicts: Sequence[Verdict]) -> str:
+def format_red(verdicts: Sequence[CellVerdict]) -> str:
     """Format the red cells, one line each."""
     red = [verdict for verdict in verdicts if verdict.red]
     if not red:
@@ -107,7 +107,8 @@ def describe(result: Mapping[str, Any]) -> str:
         f"Outside the field at most {_metres(result['outside_m_max'])}; a robot that had to stand "
         f"rolled at most {_metres(result['rolled_m_max'])}; {result['stops_too_long']} stops took "
         "more than the drive promises. The true error was above the protection level for "
-        f"{_percent(result['over_level_ratio'], 2)} of the time. "
+        f"{_percent(result['over_level_ratio'], 2)} of the time, in {result['cells_over_level']} "
+        f"cells, for {_percent(result['over_level_ratio_max'], 0)} of the time in the worst. "
         f"{result['missions_without_fault']} drives without a fault, "
         f"{result['km_without_fault']:.2f} km, saw {result['false_stops']} false stops.\n"
     )
@@ -121,7 +122,7 @@ def _metres(way_m: float | None) -> str:
     return "-" if way_m is None else f"{way_m:.2f} m"
 
 
-def format_page(result: Mapping[str, Any], verdicts: Sequence[Verdict]) -> str:
+def format_page(result: Mapping[str, Any], verdicts: Sequence[CellVerdict]) -> str:
     """Format all that a page shows."""
     return "\n".join(
         (
@@ -132,7 +133,7 @@ def format_page(result: Mapping[str, Any], verdicts: Sequence[Verdict]) -> str:
     )  # fmt: skip
 
 
-def format_csv(verdicts: Sequence[Verdict]) -> str:
+def format_csv(verdicts: Sequence[CellVerdict]) -> str:
     """Format one line for each cell."""
     target = io.StringIO()
     writer = csv.writer(target, lineterminator="\n")
@@ -141,12 +142,13 @@ def format_csv(verdicts: Sequence[Verdict]) -> str:
     return target.getvalue()
 
 
-def _list_cells(verdict: Verdict) -> tuple[object, ...]:
+def _list_cells(verdict: CellVerdict) -> tuple[object, ...]:
     named = "yes" if verdict.is_named else "one of two" if verdict.is_one_of_two else "no"
     return (
         verdict.fault, verdict.also, verdict.state, verdict.course, verdict.seed,
         "" if verdict.noticed_s is None else f"{verdict.noticed_s:.2f}", named, verdict.reaction,
         verdict.code, f"{verdict.way_m:.2f}", verdict.crushed, verdict.crushed_noticeable,
-        f"{verdict.outside_m:.2f}", f"{verdict.rolled_m:.2f}", " ".join(verdict.accused),
+        f"{verdict.outside_m:.2f}", f"{verdict.rolled_m:.2f}", f"{verdict.over_level_ratio:.4f}",
+        " ".join(verdict.accused),
         " ".join(verdict.blamed), "yes" if verdict.is_harmless else "no", "; ".join(verdict.red),
     )  # fmt: skip

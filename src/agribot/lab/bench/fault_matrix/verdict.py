@@ -6,7 +6,7 @@ An event counts as a sign of a fault only where the same drive without a fault h
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
@@ -23,7 +23,7 @@ HARMLESS_RATIO = 2.0
 _REACTIONS: tuple[Reaction, ...] = ("stopped", "held", "slowed", "named", "none")
 
 
-class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+class CellVerdict(msgspec.Struct, frozen=True, kw_only=True):
     """One cell: times count from the begin of its fault, ways and plants from what is said.
 
     `noticeable` is when the robot noticed it, or could have. `accused` are the parts of the first
@@ -51,7 +51,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     rolled_m: float
     stop_m: float
     stops_too_long: int
-    over_level_s: float
+    over_level_ratio: float
     is_harmless: bool
     accused: tuple[str, ...]
     blamed: tuple[str, ...]
@@ -60,8 +60,11 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     red: tuple[str, ...] = ()
 
 
-def judge(result: CellResult, usual: CellResult) -> Verdict:
-    """Judge a cell beside the same drive without a fault."""
+def judge(result: CellResult, usual: CellResult, across_m: float) -> CellVerdict:
+    """Judge a cell beside the same drive without a fault.
+
+    `across_m` is how far off the row a drive may be without one.
+    """
     cell = result.cell
     texts = cell.list_faults(result.onset_s)
     signs = _leave_out_usual(result.events, usual.events)
@@ -73,7 +76,7 @@ def judge(result: CellResult, usual: CellResult) -> Verdict:
         result.onset_s + cell.detectable_in_s, math.inf if noticed_s is None else noticed_s
     )
     crushes_s = [crush.t_s for crush in result.crushes if not _is_handled(crush.t_s, faults)]
-    verdict = Verdict(
+    verdict = CellVerdict(
         fault=cell.fault,
         also=cell.also,
         state=cell.state,
@@ -94,8 +97,8 @@ def judge(result: CellResult, usual: CellResult) -> Verdict:
         rolled_m=result.rolled_m,
         stop_m=result.stop_m,
         stops_too_long=result.stops_too_long,
-        over_level_s=result.over_level_s,
-        is_harmless=noticed_s is None and _is_usual(result, usual),
+        over_level_ratio=result.over_level_ratio or 0.0,
+        is_harmless=noticed_s is None and _is_usual(result, usual, across_m),
         accused=_find_accused(signs, faults),
         blamed=tuple(dict.fromkeys(_list_blamed(signs, faults))),
         plants=result.plants,
@@ -133,12 +136,17 @@ def _measure_way_m(way: Sequence[tuple[float, float]], from_s: float) -> float:
     return later[-1] - later[0] if later else 0.0
 
 
-def _is_usual(result: CellResult, usual: CellResult) -> bool:
-    """Whether the truth of a drive is what it may be without a fault."""
-    across_m, p95_m, most_m = result.across_max_m, usual.across_p95_m, usual.across_max_m
-    is_near = across_m is None or (
-        p95_m is not None and most_m is not None and across_m <= max(HARMLESS_RATIO * p95_m, most_m)
+def find_usual_across_m(references: Iterable[CellResult]) -> float:
+    """Find how far off its row a drive without a fault may be: twice the 95 %, or the worst."""
+    return max(
+        (max(HARMLESS_RATIO * (r.across_p95_m or 0.0), r.across_max_m or 0.0) for r in references),
+        default=0.0,
     )
+
+
+def _is_usual(result: CellResult, usual: CellResult, across_m: float) -> bool:
+    """Whether the truth of a drive is what it may be without a fault."""
+    is_near = (result.across_max_m or 0.0) <= across_m
     is_inside = result.outside_m <= usual.outside_m + OUTSIDE_M
     return is_near and is_inside and not result.crushes and result.rolled_m <= ROLLED_M
 
@@ -169,7 +177,7 @@ def _list_blamed(signs: Sequence[Event], faults: Sequence[Fault]) -> Iterator[st
             yield from event.parts
 
 
-def _list_red(verdict: Verdict) -> Iterator[str]:
+def _list_red(verdict: CellVerdict) -> Iterator[str]:
     if verdict.error:
         yield f"ended by {verdict.error}"
     if verdict.crushed_noticeable:
@@ -186,10 +194,11 @@ def _list_red(verdict: Verdict) -> Iterator[str]:
         yield f"{', '.join(verdict.accused)} accused first"
 
 
-def judge_all(results: Mapping[Cell, CellResult]) -> tuple[Verdict, ...]:
+def judge_all(results: Mapping[Cell, CellResult]) -> tuple[CellVerdict, ...]:
     """Judge all cells whose reference was driven."""
+    across_m = find_usual_across_m(r for cell, r in results.items() if not cell.fault)
     return tuple(
-        judge(result, results[cell.reference])
+        judge(result, results[cell.reference], across_m)
         for cell, result in results.items()
         if cell.fault and cell.reference in results
     )
