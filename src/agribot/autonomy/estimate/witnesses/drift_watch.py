@@ -207,27 +207,52 @@ def _sum_up(last: _Sums | None, report: WitnessReport) -> _Sums:
     )
 
 
+class _Witness(NamedTuple):
+    """Distance of the fixes from where a witness led since a time, and the variance of its way."""
+
+    apart_m: complex
+    way_m2: float
+
+    def contradicts(self, fixes_m2: float, limit2: float = ALARM2) -> bool:
+        return abs(self.apart_m) ** 2 > limit2 * (fixes_m2 + self.way_m2)
+
+
 def _judge(then: _Sums, here: _Sums, trust: Trust, window_s: float) -> _Creep | None:
-    """Hold the fixes against their velocity, and where these differ against the wheels as well."""
+    """Hold the fixes against the surer of velocity and wheels, then against the other one.
+
+    Velocities are off by some millimetres a second for as long as they are summed up, wheels by a
+    share of their way: those of a robot that stands are surer, where the velocity bears them out.
+    """
     lasted_s = here.report.t_s - then.report.t_s
-    moved_m = here.report.place_m - then.report.place_m
-    by_velocity_m = moved_m - (here.flown_m - then.flown_m)
     fixes_m2 = 2.0 * trust.fix_m**2 + trust.bias_m2_per_s * lasted_s
-    gaps2_s2 = here.gaps2_s2 - then.gaps2_s2
+    velocity, wheels = _ask_velocity(then, here, trust), _ask_wheels(then, here, trust)
+    between_m = abs(velocity.apart_m - wheels.apart_m)
+    is_alone = between_m < min(abs(velocity.apart_m), abs(wheels.apart_m))
+    if velocity.contradicts(fixes_m2):
+        is_off = wheels.contradicts(fixes_m2, BORNE_OUT2) or abs(velocity.apart_m) >= FAR_M
+        return _Creep(window_s, velocity.apart_m, is_borne_out=is_off and is_alone)
+    if wheels.way_m2 < velocity.way_m2 and wheels.contradicts(fixes_m2) and is_alone:
+        return _Creep(window_s, wheels.apart_m, is_borne_out=True)
+    return None
+
+
+def _ask_velocity(then: _Sums, here: _Sums, trust: Trust) -> _Witness:
+    lasted_s = here.report.t_s - then.report.t_s
     change_mps = abs(here.report.driven_mps - then.report.driven_mps)
-    velocity_m2 = summed_variance_m2(trust.velocity_mps, gaps2_s2, lasted_s)
-    velocity_m2 += (LAG_STD_S * change_mps) ** 2
-    if abs(by_velocity_m) ** 2 <= ALARM2 * (fixes_m2 + velocity_m2):
-        return None
+    velocity_m2 = summed_variance_m2(trust.velocity_mps, here.gaps2_s2 - then.gaps2_s2, lasted_s)
+    moved_m = here.report.place_m - then.report.place_m
+    apart_m = moved_m - (here.flown_m - then.flown_m)
+    return _Witness(apart_m, velocity_m2 + (LAG_STD_S * change_mps) ** 2)
+
+
+def _ask_wheels(then: _Sums, here: _Sums, trust: Trust) -> _Witness:
     # The filter's belief at the start: later creep has no part in it.
     driven_m = then.report.turn * (here.driven_m - then.driven_m)
-    by_wheels_m = moved_m - driven_m - (here.report.arm_m - then.report.arm_m)
+    moved_m = here.report.place_m - then.report.place_m
     way_m = here.report.way_m - then.report.way_m
     turn_m = TURN_LOSS_M_PER_RAD * (here.report.turned_rad - then.report.turned_rad)
     ratio2 = trust.course_rad**2 + trust.scale_ratio**2 + SOIL_RATIO**2
-    wheels_m2 = trust.walk_m2_per_m * way_m + ratio2 * way_m**2 + turn_m**2
-    between_m = abs(by_velocity_m - by_wheels_m)
-    is_alone = between_m < min(abs(by_velocity_m), abs(by_wheels_m))
-    is_off = abs(by_wheels_m) ** 2 > BORNE_OUT2 * (fixes_m2 + wheels_m2)
-    is_off = is_off or abs(by_velocity_m) >= FAR_M
-    return _Creep(window_s, by_velocity_m, is_borne_out=is_off and is_alone)
+    return _Witness(
+        moved_m - driven_m - (here.report.arm_m - then.report.arm_m),
+        trust.walk_m2_per_m * way_m + ratio2 * way_m**2 + turn_m**2,
+    )
