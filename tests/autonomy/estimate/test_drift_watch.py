@@ -45,7 +45,15 @@ def test_a_robot_that_stands_detects_a_creep_of_millimetres_a_second(
 
 def test_the_slowest_creep_that_is_detected_is_slower_while_the_robot_stands() -> None:
     assert find_delay_s(0.0025) and not find_delay_s(0.002)
-    assert find_delay_s(0.03, speed_mps=0.4) and not find_delay_s(0.02, speed_mps=0.4)
+    assert find_delay_s(0.02, speed_mps=0.4) and not find_delay_s(0.017, speed_mps=0.4)
+
+
+@pytest.mark.parametrize(("creep_mps", "within_s"), [(0.05, 5.0), (0.03, 11.0), (0.02, 40.5)])
+def test_a_robot_that_drives_detects_a_faster_creep_by_its_velocity(
+    creep_mps: float, within_s: float
+) -> None:
+    delay_s = find_delay_s(creep_mps, speed_mps=0.4)
+    assert delay_s is not None and delay_s <= within_s
 
 
 def test_a_velocity_that_is_off_by_millimetres_a_second_does_not_hide_a_creep() -> None:

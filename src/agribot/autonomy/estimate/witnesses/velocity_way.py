@@ -10,8 +10,7 @@ import math
 from typing import NamedTuple
 
 MAX_GAP_S = 1.5
-# Lasting error of a Doppler velocity: a standing NEO-M8T showed 6 mm/s over 38 s (the log
-# ublox-neo-m8t of gpsd). Five times as much is the slowest creep it can show.
+# Lasting error of a Doppler velocity, 1 sigma.
 VELOCITY_BIAS_MPS = 0.005
 
 
