@@ -16,7 +16,7 @@ from agribot.core.geo import Datum, MapFrame, ecef_from_geodetic, geodetic_from_
 from agribot.core.home import find_machine_file
 from agribot.core.messages import GnssFix, Vec3
 from agribot.core.whole_file import write_at_once
-from agribot.drivers.gnss.rtcm import BaseStation
+from agribot.drivers.gnss.rtcm import HeardBase
 
 FOLDER = "bases"
 # Largest distance of a base that corrects a receiver: networks of them carry over 50 to 70 km
@@ -42,7 +42,7 @@ class BaseMemory:
     def __init__(self, caster: str) -> None:
         self.path = find_machine_file(FOLDER, caster)
 
-    def compare(self, base: BaseStation) -> str:
+    def compare(self, base: HeardBase) -> str:
         """Say how far a station stands from where it stood, and keep the place of a new one.
 
         Empty where it stands there still. A virtual station is where its network puts it each time.

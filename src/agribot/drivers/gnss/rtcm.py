@@ -35,7 +35,7 @@ class RtcmMessage(NamedTuple):
     data: bytes
 
 
-class BaseStation(NamedTuple):
+class HeardBase(NamedTuple):
     """Earth-centred place of a base's antenna, m; `is_virtual` where no antenna stands there."""
 
     ecef_m: Vec3
@@ -63,7 +63,7 @@ def _read_bits(payload: bytes, begin: int, count: int) -> int:
     return int.from_bytes(payload) >> last & ((1 << count) - 1) if last >= 0 else 0
 
 
-def read_base(message: RtcmMessage) -> BaseStation | None:
+def read_base(message: RtcmMessage) -> HeardBase | None:
     """Read where the base says that its antenna stands; None of other messages.
 
     Source: RTCM 10403.3, messages 1005 and 1006: DF003 is the station, DF141 is set of a virtual
@@ -75,7 +75,7 @@ def read_base(message: RtcmMessage) -> BaseStation | None:
     x, y, z = (_read_bits(payload, at, 38) for at in _PLACE_BITS)
     place_m = _scale_place(x), _scale_place(y), _scale_place(z)
     is_virtual = bool(_read_bits(payload, _VIRTUAL_BIT, 1))
-    return BaseStation(place_m, _read_bits(payload, *_STATION_BITS), is_virtual)
+    return HeardBase(place_m, _read_bits(payload, *_STATION_BITS), is_virtual)
 
 
 def _scale_place(number: int) -> float:

@@ -16,11 +16,14 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from agribot.autonomy.estimate.witnesses.velocity_way import MAX_GAP_S, summed_variance_m2
+from agribot.autonomy.estimate.witnesses.velocity_way import MAX_GAP_S
 from agribot.core.facts import GnssCrept, GnssParts
 
 WINDOWS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 STEP_S = 0.1  # least distance of kept fixes
+# Largest lasting error of the velocities of a receiver with fixed ambiguities. A standing NEO-M8T,
+# of one frequency, showed 6 mm/s over 38 s (log ublox-neo-m8t of gpsd).
+MOST_BIAS_MPS = 0.01
 # Receivers smooth velocities; their sum lags behind by the change of speed times some tenths.
 LAG_STD_S = 0.1
 # Two normal errors exceed this squared distance once in a million times.
@@ -207,27 +210,58 @@ def _sum_up(last: _Sums | None, report: WitnessReport) -> _Sums:
     )
 
 
+class _Witness(NamedTuple):
+    """Distance of the fixes from where a witness led since a time, and the variance of its way.
+
+    A lasting error of the witness may have led it off by `lasting_m` besides.
+    """
+
+    apart_m: complex
+    way_m2: float
+    lasting_m: float = 0.0
+
+    def contradicts(self, fixes_m2: float, limit2: float = ALARM2) -> bool:
+        off_m = max(0.0, abs(self.apart_m) - self.lasting_m)
+        return off_m**2 > limit2 * (fixes_m2 + self.way_m2)
+
+
 def _judge(then: _Sums, here: _Sums, trust: Trust, window_s: float) -> _Creep | None:
-    """Hold the fixes against their velocity, and where these differ against the wheels as well."""
+    """Hold the fixes against the surer of velocity and wheels, then against the other one.
+
+    Velocities may be off by MOST_BIAS_MPS for as long as they are summed up, wheels are by a share
+    of their way: those of a robot that stands are surer, where the velocity bears them out.
+    """
     lasted_s = here.report.t_s - then.report.t_s
-    moved_m = here.report.place_m - then.report.place_m
-    by_velocity_m = moved_m - (here.flown_m - then.flown_m)
     fixes_m2 = 2.0 * trust.fix_m**2 + trust.bias_m2_per_s * lasted_s
-    gaps2_s2 = here.gaps2_s2 - then.gaps2_s2
+    velocity, wheels = _ask_velocity(then, here, trust), _ask_wheels(then, here, trust)
+    between_m = abs(velocity.apart_m - wheels.apart_m)
+    is_alone = between_m < min(abs(velocity.apart_m), abs(wheels.apart_m))
+    if velocity.contradicts(fixes_m2):
+        is_off = wheels.contradicts(fixes_m2, BORNE_OUT2) or abs(velocity.apart_m) >= FAR_M
+        return _Creep(window_s, velocity.apart_m, is_borne_out=is_off and is_alone)
+    if wheels.way_m2 < velocity.way_m2 and wheels.contradicts(fixes_m2) and is_alone:
+        return _Creep(window_s, wheels.apart_m, is_borne_out=True)
+    return None
+
+
+def _ask_velocity(then: _Sums, here: _Sums, trust: Trust) -> _Witness:
+    lasted_s = here.report.t_s - then.report.t_s
     change_mps = abs(here.report.driven_mps - then.report.driven_mps)
-    velocity_m2 = summed_variance_m2(trust.velocity_mps, gaps2_s2, lasted_s)
-    velocity_m2 += (LAG_STD_S * change_mps) ** 2
-    if abs(by_velocity_m) ** 2 <= ALARM2 * (fixes_m2 + velocity_m2):
-        return None
+    noise_m2 = trust.velocity_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
+    moved_m = here.report.place_m - then.report.place_m
+    apart_m = moved_m - (here.flown_m - then.flown_m)
+    velocity_m2 = noise_m2 + (LAG_STD_S * change_mps) ** 2
+    return _Witness(apart_m, velocity_m2, MOST_BIAS_MPS * lasted_s)
+
+
+def _ask_wheels(then: _Sums, here: _Sums, trust: Trust) -> _Witness:
     # The filter's belief at the start: later creep has no part in it.
     driven_m = then.report.turn * (here.driven_m - then.driven_m)
-    by_wheels_m = moved_m - driven_m - (here.report.arm_m - then.report.arm_m)
+    moved_m = here.report.place_m - then.report.place_m
     way_m = here.report.way_m - then.report.way_m
     turn_m = TURN_LOSS_M_PER_RAD * (here.report.turned_rad - then.report.turned_rad)
     ratio2 = trust.course_rad**2 + trust.scale_ratio**2 + SOIL_RATIO**2
-    wheels_m2 = trust.walk_m2_per_m * way_m + ratio2 * way_m**2 + turn_m**2
-    between_m = abs(by_velocity_m - by_wheels_m)
-    is_alone = between_m < min(abs(by_velocity_m), abs(by_wheels_m))
-    is_off = abs(by_wheels_m) ** 2 > BORNE_OUT2 * (fixes_m2 + wheels_m2)
-    is_off = is_off or abs(by_velocity_m) >= FAR_M
-    return _Creep(window_s, by_velocity_m, is_borne_out=is_off and is_alone)
+    return _Witness(
+        moved_m - driven_m - (here.report.arm_m - then.report.arm_m),
+        trust.walk_m2_per_m * way_m + ratio2 * way_m**2 + turn_m**2,
+    )

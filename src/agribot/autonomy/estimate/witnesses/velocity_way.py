@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 MAX_GAP_S = 1.5
-# Lasting error of a Doppler velocity; five times as much is the slowest creep it can show.
+# Lasting error of a Doppler velocity, 1 sigma.
 VELOCITY_BIAS_MPS = 0.005
 
 
