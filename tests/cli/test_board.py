@@ -14,6 +14,8 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.cli.tools import board as board_command
+from agribot.core.fact_text import render
+from agribot.core.facts import BoardStopped
 from agribot.drivers.board.board_codec import BoardDecoder, encode
 from agribot.drivers.board.board_protocol import (
     LAYOUT,
@@ -91,7 +93,9 @@ def test_a_motor_board_is_told_with_what_stops_it(
     with living(line, live):
         assert main(["board", "show", f"serial:{line.path}", "--json"]) == 0
     out, told = capsys.readouterr()
-    assert "motor board, firmware 1.0.0" in told and "its red button was pressed" in told
+    assert (
+        "motor board, firmware 1.0.0" in told and render(BoardStopped(("began", "button"))) in told
+    )
     assert "battery 25.2 V" in told and "estop pressed" in told
     assert json.loads(out)["version"]["board"] == BoardKind.MOTOR
 

@@ -17,6 +17,8 @@ from agribot.autonomy.perceive.pictures import classify, see_picture
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.cli.data.result_names import name_results
 from agribot.cli.main import main
+from agribot.core.fact_text import render
+from agribot.core.facts import TooDark
 from agribot.lab.train.card import ModelCard, hash_file
 from agribot.lab.train.simulated import draw_random_field
 from agribot.sim.random_scenes import DENSE
@@ -260,7 +262,7 @@ def test_predict_says_of_which_pictures_the_robot_would_believe_nothing(
     result = result_of(capsys)
     assert (result["doubt_median"], result["unfit_pictures"]) == (None, 1)
     (area,) = rows(tmp_path / "seen" / "areas.csv")
-    assert area["unfit"].startswith("picture is too dark") and not area["doubt"]
+    assert area["unfit"] == render(TooDark()) and not area["doubt"]
 
 
 def test_pictures_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:

@@ -16,7 +16,10 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from agribot.cli.fields.plan import FARTHEST_AB_M, SHORTEST_AB_M
 from agribot.cli.main import main
+from agribot.core.fact_text import render
+from agribot.core.facts import AbLineUnfit
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 DIGITS = "9" * 5000
@@ -109,14 +112,14 @@ FILES: dict[str, tuple[list[str], str, Callable[[], bytes | str], str]] = {
     ),
     "GeoJSON number": (FIELD, "f.geojson", lambda: geojson_of(f"[{DIGITS}, 1]"), "not valid JSON"),
     "GeoJSON depth": (FIELD, "f.geojson", lambda: DEEP, "not valid JSON"),
-    "many obstacles": (FIELD, "f.geojson", lambda: many_obstacles(201), "limit of 200"),
+    "many obstacles": (FIELD, "f.geojson", lambda: many_obstacles(201), "201"),
     "KML encoding": (
         FIELD, "f.kml", lambda: '<?xml version="1.0" encoding="none"?><kml/>', "unknown encoding",
     ),
-    "open ring": (FIELD, "f.gpkg", geopackage_with_an_open_ring, "cannot be read"),
-    "empty GeoPackage": (FIELD, "f.gpkg", bytes, "cannot be read"),
-    "corrupt KMZ": (FIELD, "f.kmz", corrupt_kmz, "cannot be read"),
-    "junk Shapefile": (FIELD, "f.zip", lambda: packed("a.shp", b"junk"), "cannot be read"),
+    "open ring": (FIELD, "f.gpkg", geopackage_with_an_open_ring, "f.gpkg"),
+    "empty GeoPackage": (FIELD, "f.gpkg", bytes, "f.gpkg"),
+    "corrupt KMZ": (FIELD, "f.kmz", corrupt_kmz, "f.kmz"),
+    "junk Shapefile": (FIELD, "f.zip", lambda: packed("a.shp", b"junk"), "f.zip"),
     "endless MBTiles": (["map", "import"], "m.mbtiles", endless_tiles, "takes too long"),
     "empty PMTiles": (["map", "import"], "m.pmtiles", bytes, "no PMTiles"),
     "tower of powers": (ROBOT, "r.xacro", lambda: XACRO.format('<link n="${9**9**9}"/>'), "bits"),
@@ -211,7 +214,7 @@ def test_an_ab_line_without_direction_or_far_away_is_refused(
 ) -> None:
     field = str(Path(__file__).parents[2] / "examples" / "field.geojson")
     assert main([*FIELD, field, "--ab-line", line]) == 2
-    assert f"--ab-line {line}" in capsys.readouterr().err
+    assert render(AbLineUnfit(line, SHORTEST_AB_M, FARTHEST_AB_M)) in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written_is_named(

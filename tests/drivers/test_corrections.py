@@ -21,7 +21,7 @@ from pyrtcm import RTCMReader
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.core.fact_text import render
-from agribot.core.facts import AnyFact, CorrectionsCome
+from agribot.core.facts import AnyFact, CorrectionsCome, CorrectionsMissing
 from agribot.core.geo import ecef_from_geodetic
 from agribot.core.messages import DeviceNote, GnssFix, GnssQuality, GnssStatus
 from agribot.drivers.gnss import ntrip, rtcm
@@ -65,7 +65,7 @@ class Rover:
 
     def __init__(self) -> None:
         self.taken = bytearray()
-        self.told: list[str] = []
+        self.told: list[AnyFact] = []
         self.is_there = True
         self.fix: StampedFix | None = FIX
 
@@ -87,13 +87,24 @@ class Rover:
             link.close()
 
     def notify(self, fact: AnyFact) -> None:
-        self.told.append(render(fact))
+        self.told.append(fact)
 
     def wait_for(self, data: bytes) -> None:
         wait_for(lambda: data in self.taken, f"{len(data)} bytes")
 
-    def wait_told(self, text: str) -> None:
-        wait_for(lambda: any(text in each for each in self.told), text)
+    def wait_told(self, why: str) -> None:
+        wait_for(lambda: any(why in reason for reason in self.reasons), why)
+
+    def wait_come(self, *, is_again: bool = False) -> None:
+        wait_for(lambda: any(come.is_again is is_again for come in self.come), "corrections")
+
+    @property
+    def come(self) -> list[CorrectionsCome]:
+        return [fact for fact in self.told if isinstance(fact, CorrectionsCome)]
+
+    @property
+    def reasons(self) -> list[str]:
+        return [fact.why for fact in self.told if isinstance(fact, CorrectionsMissing)]
 
 
 @contextmanager
@@ -153,7 +164,7 @@ def test_chunks_of_any_size_reach_the_receiver_as_whole_messages() -> None:
             state = link.state()
     assert state.counts == {1005: 1, 1077: 1, 1087: 1}
     assert state.age_s is not None and state.age_s >= 0.0
-    assert rover.told == [f"corrections from 127.0.0.1:{caster.port}/FARM come"]
+    assert rover.told == [CorrectionsCome(f"127.0.0.1:{caster.port}/FARM", is_again=False)]
     (head,) = caster.requests
     assert head.startswith(b"GET /FARM HTTP/1.1\r\n") and b"Ntrip-Version: Ntrip/2.0" in head
     assert b"Ntrip-GGA: " + GGA.strip() in head
@@ -215,9 +226,10 @@ def test_a_caster_that_gives_no_corrections_is_told_once_with_what_to_do(
         with rover.fed_by(caster.port, "FRAM", timing=BRISK):
             rover.wait_told(why)
             wait_for(lambda: len(caster.requests) >= 3, "further tries")
-    assert len(rover.told) == 1
-    assert rover.told[0].startswith(f"no corrections from 127.0.0.1:{caster.port}/FRAM: ")
-    assert not rover.taken and "s3cret" not in rover.told[0]
+    (reason,) = rover.reasons
+    name = f"127.0.0.1:{caster.port}/FRAM"
+    assert rover.told == [CorrectionsMissing(name, reason, is_lost=False)]
+    assert not rover.taken and "s3cret" not in reason
 
 
 @pytest.mark.parametrize(
@@ -260,13 +272,11 @@ def test_a_line_that_falls_silent_is_asked_for_again_and_told_twice() -> None:
         quiet = send(YES, b"\r\n", STATION, make_observation(), then=caster.listen)
         caster._answers = [quiet, send(b""), quiet]
         with rover.fed_by(caster.port, timing=BRISK):
-            rover.wait_told("are lost: nothing came for 0.4 s; trying again")
-            rover.wait_told("are back")
-    name = f"corrections from 127.0.0.1:{caster.port}/FARM"
-    assert [text.removeprefix(name).split(":")[0] for text in rover.told][:2] == [
-        " come",
-        " are lost",
-    ]
+            rover.wait_told("nothing came for 0.4 s")
+            rover.wait_come(is_again=True)
+    name = f"127.0.0.1:{caster.port}/FARM"
+    lost = CorrectionsMissing(name, rover.reasons[0], is_lost=True)
+    assert rover.told[:2] == [CorrectionsCome(name, is_again=False), lost]
 
 
 @pytest.mark.parametrize(("message", "kind"), [(STATION, 1005), (make_empty_observation(), 1074)])
@@ -336,7 +346,7 @@ def test_a_base_that_stands_where_it_corrects_nothing_is_told_once_and_not_passe
             wait_for(lambda: len(caster.requests) >= 3, "further tries")
             assert not rover.taken and len(rover.told) == 1
             caster._answers = [send(YES, b"\r\n", STATION, make_observation(), then=caster.listen)]
-            rover.wait_told("come")
+            rover.wait_come()
     assert rover.taken.startswith(STATION + make_observation())
 
 
@@ -364,13 +374,13 @@ def test_a_base_with_other_coordinates_than_in_the_last_run_is_not_passed_on(
         ):
             caster._answers = [send(YES, b"\r\n", base, make_observation(), then=caster.listen)]
             with rover.fed_by(caster.port):
-                rover.wait_told("")
-    assert "come" in first.told[0]
-    assert ("come" in then.told[0]) is is_passed_on
+                wait_for(lambda: len(rover.told) > 0, "an answer")  # noqa: B023
+    assert first.come
+    assert bool(then.come) is is_passed_on
     assert bool(then.taken) is is_passed_on
     if not is_passed_on:
-        assert "-0.00 m north" in then.told[0] or "+0.00 m north" in then.told[0]
-        assert f"{east_m:+.2f} m east of where it has stood" in then.told[0]
+        assert "-0.00 m north" in then.reasons[0] or "+0.00 m north" in then.reasons[0]
+        assert f"{east_m:+.2f} m east of where it has stood" in then.reasons[0]
 
 
 def test_measurements_of_a_base_too_far_away_wait_until_it_tells_another_place() -> None:
@@ -381,7 +391,7 @@ def test_measurements_of_a_base_too_far_away_wait_until_it_tells_another_place()
         with rover.fed_by(caster.port):
             wait_for(lambda: len(caster.requests) >= 3, "a third try")
     assert rover.taken == make_observation(), "what came before the base sent its position"
-    assert [text for text in rover.told if "come" in text] == rover.told[:1]
+    assert rover.come == rover.told[:1]
 
 
 def test_a_base_is_believed_while_the_receiver_does_not_know_where_it_is() -> None:
@@ -435,7 +445,7 @@ def test_corrections_for_a_receiver_that_is_unplugged_are_no_corrections() -> No
         with rover.fed_by(caster.port, timing=BRISK) as link:
             wait_for(lambda: len(caster.requests) >= 2, "a second try")
             assert link.state().age_s is None and link.state().counts == {}
-    assert not any("come" in text and "no corrections" not in text for text in rover.told)
+    assert not rover.come
 
 
 @pytest.mark.parametrize("lat_deg", [52.15, -33.999999999, 0.0])
@@ -626,7 +636,7 @@ def test_a_run_tells_of_its_corrections_and_its_folder_knows_no_password(
         finally:
             ended.set()
             receiver.join()
-    told = f"corrections from 127.0.0.1:{caster.port}/FARM come"
+    told = render(CorrectionsCome(f"127.0.0.1:{caster.port}/FARM", is_again=False))
     assert told in (out / "events.jsonl").read_text()
     states = [s for tick in read_ticks(out / "run.mcap") for s in tick.batch.gnss_status]
     ((kind, count),) = states[-1].correction_counts

@@ -6,6 +6,8 @@ import random
 
 import pytest
 
+from agribot.core.fact_text import render
+from agribot.core.facts import BoardStopped
 from agribot.drivers.imu.imu_devices import BEGINS_S
 from agribot.drivers.probe.line_answers import LineAnswer
 from agribot.drivers.probe.line_probe import (
@@ -47,7 +49,8 @@ def test_a_motor_board_is_asked_only_after_its_bootloader_has_let_it_speak() -> 
     assert (answer.kind, answer.use, answer.baud, answer.is_good) == (
         "motor board", "base", 250_000, True,
     )  # fmt: skip
-    assert "firmware 1.0.0" in answer.detail and "its red button was pressed" in answer.detail
+    assert "firmware 1.0.0" in answer.detail
+    assert render(BoardStopped(("began", "button"))) in answer.detail
     assert "ESTOP_PRESSED" in answer.numbers["flags"]
     assert answer.write_uri("/dev/x") == "serial:/dev/x"
     assert line.bauds == [250_000]

@@ -11,6 +11,7 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import load
+from agribot.core.facts import HeadingAwaited, HeadingUnknown, NoFixesYet
 from agribot.core.messages import GnssFix, GnssStatus, ImuSample, SensorBatch, WheelSample
 from agribot.description.loader import load_robot
 from agribot.drivers.gnss.nmea import write_sentence
@@ -189,7 +190,7 @@ def test_what_a_receiver_sees_is_no_position_to_the_estimate(spoken: str) -> Non
         )
         estimate = localizer.update(still)
         assert not estimate.ok
-    assert "no heading yet" in estimate.reason or "no position yet" in estimate.reason
+    assert isinstance(estimate.fact, HeadingAwaited | HeadingUnknown | NoFixesYet)
     assert "position" not in localizer.pose.known
 
 

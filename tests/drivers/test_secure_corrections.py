@@ -158,7 +158,8 @@ def test_a_caster_whose_certificate_is_trusted_feeds_the_receiver(
     rover = Rover()
     with casting(server) as caster, rover.ask(secure(caster.port, host), authority.file):
         wait_for(lambda: STATION + make_observation() in rover.taken, "both messages")
-    assert rover.told == [f"corrections from {host}:{caster.port}/FARM come"]
+    come = CorrectionsCome(f"{host}:{caster.port}/FARM", is_again=False)
+    assert rover.told == [render(come)]
     assert b"Authorization: Basic" in caster.requests[0]
 
 

@@ -21,11 +21,13 @@ from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.cli.main import main
 from agribot.core.config import load
+from agribot.core.fact_text import render
 from agribot.core.facts import (
     AbLineClosed,
     AtNullIsland,
     Fact,
     FieldFar,
+    FieldNeeded,
     FileBroken,
     KindUnknown,
     LatLonSwapped,
@@ -36,8 +38,11 @@ from agribot.core.facts import (
     NotDegrees,
     NotGeojson,
     NothingDrawn,
+    NumbersExpected,
     ObstacleOutside,
     ObstaclesEverywhere,
+    OptionOutside,
+    OverlapWide,
     RingCrosses,
     RingShort,
     RowOutside,
@@ -357,23 +362,25 @@ def test_verify_refuses_a_plan_that_was_changed_by_hand(
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "why"),
     [
-        (["--implement-width", "nan"], "--implement-width nan"),
-        (["--implement-width", "0"], "from 0.05"),
-        (["--implement-width", "1", "--start", "11.6"], "expected 2 numbers"),
-        (["--implement-width", "1", "--swath-angle", "north"], "--swath-angle north"),
-        (["--implement-width", "1", "--overlap", "2"], "overlap of 2 m leaves nothing"),
-        (["--implement-width", "30"], "no place to turn"),
+        (["--implement-width", "nan"], OptionOutside("--implement-width", math.nan, 0.05, 50.0)),
+        (["--implement-width", "0"], OptionOutside("--implement-width", 0.0, 0.05, 50.0)),
+        (["--implement-width", "1", "--start", "11.6"], NumbersExpected("--start", "11.6", 2)),
+        (
+            ["--implement-width", "1", "--swath-angle", "north"],
+            NumbersExpected("--swath-angle", "north", 1),
+        ),
+        (["--implement-width", "1", "--overlap", "2"], OverlapWide(2.0, 1.0)),
     ],
 )
 def test_wrong_use_is_told_in_one_line(
-    change: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    change: list[str], why: Fact, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = written(bad(lambda f: f.pop(2)), tmp_path)
     assert main(["plan", "--field", str(source), *change]) == 2
     told = capsys.readouterr().err.strip()
-    assert message in told
+    assert render(why) in told
     assert "\n" not in told
 
 
@@ -395,7 +402,7 @@ def test_a_plan_is_made_for_the_robots_own_tool_and_a_wider_one_is_told_what_it_
     assert main(["plan", "verify", str(path)]) == 0
     assert capsys.readouterr().err.splitlines()[0] == warning
     assert main(["plan"]) == 2
-    assert "give --field FILE" in capsys.readouterr().err
+    assert render(FieldNeeded()) in capsys.readouterr().err
 
 
 def test_a_field_with_rows_round_trips_through_the_plan(tmp_path: Path) -> None:

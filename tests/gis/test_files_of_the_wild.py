@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.errors import MissionError
+from agribot.core.fact_text import render
 from agribot.core.facts import (
     BoundaryCount,
     NoSuchField,
@@ -27,6 +29,7 @@ from agribot.core.facts import (
     RingShort,
     SeveralFields,
     TaskDataOfOne,
+    ZoneCrosses,
 )
 from agribot.core.geo import Datum, MapFrame
 from agribot.description.drawn_rows import read_drawn_rows
@@ -36,7 +39,7 @@ from agribot.description.loader import load_robot
 from agribot.gis.field_file import read_field
 from agribot.gis.formats.table import WRITERS, read_field_file, write_field_file
 from agribot.gis.prescription import read_prescription
-from tests.finding import refused
+from tests.finding import find, refused
 
 HERE = Datum(lat_deg=48.2, lon_deg=11.6)
 FRAME = MapFrame(HERE)
@@ -188,7 +191,9 @@ def test_commands_take_the_name_behind_the_file(
     tree = {"type": "FeatureCollection", "features": farm()}
     path.write_text(json.dumps(tree))
     assert main(["plan", "--field", str(path)]) == 2
-    assert "choose one behind the name of the file" in capsys.readouterr().err
+    fields = "'North', 'South'"
+    several = SeveralFields("farm.geojson", 2, "fields", fields, "farm.geojson#North")
+    assert render(several) in capsys.readouterr().err
     assert main(["plan", "convert", f"{path}#South", "--out", str(out)]) == 0
     kinds = [one["properties"]["kind"] for one in json.loads(out.read_text())["features"]]
     assert kinds == ["boundary", "row"]
@@ -372,10 +377,10 @@ def test_a_zone_whose_hole_touches_its_edge_has_its_rate_beside_it() -> None:
     assert rates[0] == 200.0 and np.isnan(rates[1])
     crossing = [FIELD[0], FIELD[2], FIELD[1], FIELD[3]]
     zone = member(shape("Polygon", [ring(crossing)]), rate=200)
-    with pytest.raises(
-        MissionError, match=r"crosses itself near latitude 48\.2\d+, longitude 11\.6"
-    ):
+    with pytest.raises(MissionError) as raised:
         read_prescription("rx.geojson", json.dumps(zone).encode(), HERE)
+    at = find(raised.value.fact, ZoneCrosses).at
+    assert re.fullmatch(r"latitude 48\.2\d+, longitude 11\.6\d+", at)
 
 
 def task(more: str) -> str:

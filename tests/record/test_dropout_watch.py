@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from agribot.cli.doctor.doctor_runs import check_dropouts
-from agribot.core.fact_text import render
 from agribot.core.facts import ComesAndGoes, ComingAndGoing
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, SensorBatch, WheelSample
 from agribot.record.dropout_watch import DropoutWatch
@@ -132,12 +131,9 @@ def test_a_wheel_that_stands_while_the_robot_turns_about_it_is_no_dropout() -> N
     assert watch(iter(batches))[1].summarise() == {}
 
 
-def test_the_text_names_the_part_and_what_to_do() -> None:
+def test_dropouts_of_an_encoder_are_a_warning_of_the_wheels() -> None:
     fact = ComesAndGoes("left_wheel_F", 3, 10.0, 0.31)
-    assert fact.parts == ("wheels",)
-    assert fact.severity == "warning"
-    assert "left front encoder: 3 short dropouts within 10 min" in render(fact)
-    assert "Stecker" in render(fact, "de")
+    assert (fact.parts, fact.severity) == (("wheels",), "warning")
 
 
 def test_the_doctor_shows_how_dropouts_grow_from_run_to_run(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_a_stop_is_one_event_though_its_number_changes_every_tick(log: EventLog)
             log(_changed(record, 0.4, None))
     (stop,) = log.list_kind("stop")
     assert (stop.code, stop.numbers) == ("position_unsure", {"std_m": 1.1, "limit_m": 1.0})
-    assert stop.reason == "position uncertain: 1.10 m > 1.00 m; wait for GNSS"
+    assert stop.reason == render(PositionUnsure(1.1, 1.0))
     assert stop.t_s == pytest.approx(records[10].batch.t_s)
     assert len(log.list_kind("clear")) == 1
 
