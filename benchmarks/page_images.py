@@ -36,7 +36,8 @@ README_FROM = 0.6  # share of the mission
 PACE = 0.5  # simulated over real time, for a busy machine
 GAP_PX, GAP_RGB = 10, (128, 128, 128)
 PATIENCE_S = 900.0
-LOADING_S, SETTLING_S = 30.0, 3.0  # a map without a graphics card
+LOADING_S, SETTLING_S = 120.0, 3.0  # a map without a graphics card
+DRIVES_MPS = 0.2  # speed from which on the robot counts as driving again
 STATE = "window.__agribot.state()"
 READY = (
     "[...document.querySelectorAll('.banner.bad')].every(each => !each.offsetParent)",
@@ -109,14 +110,31 @@ def make_sheets(
 
 
 def take_mission_picture(page: Page, address: str) -> Image.Image:
-    """Of the page beside the robot at work; until then on a screen that costs little."""
+    """Of the page beside the robot at work; until then on a screen that costs little.
+
+    The robot waits while a slow machine draws the map.
+    """
     open_page(page, address, "light", README_PX)
     page.get_by_role("button", name="Take control").first.click()
     show(page, "health")
     mission = f"{STATE}.mission"
     until(page, f"{mission}.s_m > {README_FROM} * {mission}.length_m", PATIENCE_S)
     show(page, "drive")
-    return take_picture(page)
+    page.get_by_role("button", name="Pause").click()
+    until(page, f"{mission}.state === 'paused'", PATIENCE_S)
+    take_picture(page)
+    wait_for_map(page)
+    page.get_by_role("button", name="Resume").click()
+    until(page, f"{mission}.state === 'running' && {STATE}.v_mps > {DRIVES_MPS}", PATIENCE_S)
+    return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+
+
+def wait_for_map(page: Page) -> None:
+    """Wait until the map of a robot that stands looks the same twice."""
+    map_node, before = page.locator(".map"), b""
+    while (seen := map_node.screenshot()) != before:
+        before = seen
+        time.sleep(SETTLING_S)
 
 
 def main() -> int:
@@ -124,6 +142,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("docs/images"))
     parser.add_argument("--single", type=Path, help="every picture by itself as well, as PNG")
     parser.add_argument("--layout", action="append", choices=LAYOUTS, help="this one alone")
+    parser.add_argument("--no-sheets", action="store_true", help="the page beside a mission alone")
     parser.add_argument("--at", help="address of a robot that is there already: the sheets alone")
     options = parser.parse_args()
     with ExitStack() as parts:
@@ -139,7 +158,8 @@ def main() -> int:
             address = robot.address
             made = take_mission_picture(page, address)
             made.save(options.out / "page.webp", quality=82, method=6)
-        make_sheets(page, address, options.layout or list(LAYOUTS), options.out, options.single)
+        layouts = [] if options.no_sheets else options.layout or list(LAYOUTS)
+        make_sheets(page, address, layouts, options.out, options.single)
         browser.close()
     return 0
 

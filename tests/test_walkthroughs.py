@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from agribot.cli.main import main
-from tests import machine, nightly
+from tests import nightly
 from tests.test_tutorials import files_of
 
 ROOT = Path(__file__).parents[1]
@@ -134,7 +134,5 @@ def test_what_is_quick_in_the_first_tutorial_prints_what_the_page_says(
 def test_a_reader_who_follows_a_page_sees_what_it_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    if "--platform firmware" in page.read_text(encoding="utf-8"):
-        machine.require("simavr")
     monkeypatch.chdir(tmp_path)
     follow(page, steps_of(page), tmp_path, capfd)
