@@ -32,11 +32,12 @@ LAYOUTS = {
 README_PX = (1440, 900)
 # A camera that leaves a small machine some time for its browser.
 SETTINGS = ["--set", "seed=1", "--set", "perception.camera_rate_hz=4"]
-README_FROM = 0.6  # share of the mission
-PACE = 0.5  # simulated over real time, for a busy machine
+README_FROM = 0.5  # share of the mission
+PACE = 0.25  # simulated over real time, for a busy machine
 GAP_PX, GAP_RGB = 10, (128, 128, 128)
 PATIENCE_S = 900.0
 LOADING_S, SETTLING_S = 120.0, 3.0  # a map without a graphics card
+MAP_S = 30.0  # until it has drawn everything
 DRIVES_MPS = 0.2  # speed from which on the robot counts as driving again
 STATE = "window.__agribot.state()"
 READY = (
@@ -123,18 +124,10 @@ def take_mission_picture(page: Page, address: str) -> Image.Image:
     page.get_by_role("button", name="Pause").click()
     until(page, f"{mission}.state === 'paused'", PATIENCE_S)
     take_picture(page)
-    wait_for_map(page)
+    time.sleep(MAP_S)
     page.get_by_role("button", name="Resume").click()
     until(page, f"{mission}.state === 'running' && {STATE}.v_mps > {DRIVES_MPS}", PATIENCE_S)
     return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-
-
-def wait_for_map(page: Page) -> None:
-    """Wait until the map of a robot that stands looks the same twice."""
-    map_node, before = page.locator(".map"), b""
-    while (seen := map_node.screenshot()) != before:
-        before = seen
-        time.sleep(SETTLING_S)
 
 
 def main() -> int:
