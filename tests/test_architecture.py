@@ -42,9 +42,8 @@ PRIVATE = re.compile(
 )
 # Errors whose texts a person reads, with all that are derived from them.
 REPORTED = {"AgribotError", "Unusable", "Refused", "BadLayer", "_Fault"}
-# Their texts are facts, with the advice in the table; and what a reader of labels could not use,
-# to which the import adds its advice.
-ADVISED_ELSEWHERE = {"MissionError", "LabelFileError"}
+# What could not be used of labels: the import adds its advice to each.
+ADVISED_ELSEWHERE = {"LabelFileError"}
 TEXT_SUFFIXES = {".py", ".toml", ".md", ".txt", ".yaml", ".yml", ".json", ".xacro", ".urdf", ".cfg"}
 
 FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef

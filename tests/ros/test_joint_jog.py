@@ -168,7 +168,7 @@ def test_a_step_is_asked_for_once_when_its_last_button_goes_down(tmp_path: Path)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("mast_controller/increment", "increment", "name the controller of the joints"),
+        ("mast_controller/increment", "increment", "no controller; name that of the joints"),
         ("[0.1]", "[0.1, 0.2]", "1 joints and 2 numbers in increment_by; write one for each"),
         ("joints: [mast_tilt], ", "", "write it as {joints: [NAME], increment_by: [0.05]}"),
     ],

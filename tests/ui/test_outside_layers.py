@@ -52,7 +52,7 @@ def test_a_layer_is_added_changed_and_removed_over_http_without_a_restart(robot:
     ("change", "why"),
     [
         ({"name": ""}, "1 to 60"),
-        ({"type": "hologram"}, "not a display"),
+        ({"type": "hologram"}, "is no display"),
         ({"data": None}, "give data or a topic"),
         ({"topic": "ros1:/scan"}, "give data or a topic"),
         ({"data": {"type": "Point"}}, "Feature"),

@@ -172,8 +172,8 @@ def feature(kind: str, shape: str, coordinates: Any) -> dict[str, Any]:
     [
         (feature("row", "LineString", [[72.7871, 21.1611], [72.789, 21.1611]]), "outside"),
         (feature("waypoint", "Point", [10.0, 50.0]), "farther than"),
-        (feature("hedge", "Point", [72.7871, 21.1611]), "kind must be"),
-        (feature("row", "Point", [72.7871, 21.1611]), "must be a LineString"),
+        (feature("hedge", "Point", [72.7871, 21.1611]), "kind is unknown; give one of"),
+        (feature("row", "Point", [72.7871, 21.1611]), "a Point; draw a LineString"),
         (feature("row", "LineString", [[72.7871, 21.1611]]), "feature 2"),
         (feature("waypoint", "Point", ["x", None]), "feature 2"),
         (feature("waypoint", "Point", [72.7871, 10**400]), "feature 2"),

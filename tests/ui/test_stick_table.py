@@ -108,7 +108,7 @@ REFUSED = {
     "teleop: {a: {type: topic}}\njoy: 1": "unknown 'joy'",
     "teleop: {a: {type: dance}}": "teleop.a.type: invalid value 'dance'",
     "teleop: {a: {type: action, action_name: pause, buttons: []}}": "teleop.a.buttons: ",
-    "teleop: {a: {type: action, action_name: wave, buttons: [1]}}": "action_name = 'wave': known",
+    "teleop: {a: {type: action, action_name: wave, buttons: [1]}}": "action_name = 'wave': unknown",
     "teleop: {a: {type: action, action_name: goto, buttons: [1], action_goal: {x: 1}}}": "`y`",
     "teleop: {a: {type: action, action_name: pause, buttons: [1], action_goal: {x: 1}}}": "`x`",
     "teleop: {a: {type: service, service_name: mark, buttons: [1], wait: 2}}": "`wait`",

@@ -91,7 +91,9 @@ def _read_shard(text: str | None) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)/(\d+)", text)
     number, count = (int(found[1]), int(found[2])) if found else (0, 0)
     if not 1 <= number <= count:
-        raise ConfigError(f"--shard {text}: write the part and the count of parts, such as 2/4")
+        raise ConfigError(
+            f"--shard {text}: not a part; write its number and the count of parts, as in 2/4"
+        )
     return number, count
 
 
