@@ -50,9 +50,8 @@ nightly: $(VENV)/.dev
 
 # Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): what fails depends on
 # wording, and is not repeated with the texts.
-CODED := tests/autonomy tests/app tests/core tests/mission tests/ui
 facts-as-codes: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS) -p tests.facts_as_codes $(or $(TESTS),$(CODED))
+	$(BIN)/python -m pytest $(WORKERS) -p tests.facts_as_codes $(TESTS)
 
 # While working: it proves less than `make test`.
 quick: $(VENV)/.dev

@@ -27,12 +27,14 @@ from agribot.app.run import Run
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import PlatformError
+from agribot.core.fact_text import render
 from agribot.core.facts import (
     BoardHoldsStop,
     BoardStopped,
     ButtonPressed,
     ContactorInTrouble,
     Disarmed,
+    DisarmedAlone,
     Fact,
     FarFromMap,
     MotorsReportFault,
@@ -502,7 +504,7 @@ def test_a_robot_that_nobody_could_arm_is_refused(
     bench: HardwareBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words(bench, tmp_path / "run")) == 2
-    assert "begins disarmed" in capsys.readouterr().err
+    assert render(DisarmedAlone("hardware")) in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from agribot.app.known_plants import read_plant_file, read_plants
 from agribot.autonomy.weeds.plant_table import tabulate_plants
 from agribot.core.config import RunConfig, load
 from agribot.core.errors import AgribotError
+from agribot.core.facts import CropMapCount
 from agribot.core.messages import MappedPlant, PlantClass
 from agribot.gis.weeds.files import write_map
+from tests.finding import refused
 
 CROPS = [(0.25 * k, 0.01 * (k % 3)) for k in range(40)]
 
@@ -49,7 +52,7 @@ def test_a_run_without_a_map_knows_no_plants() -> None:
 
 def test_a_map_without_crop_is_refused_and_says_what_to_give(tmp_path: Path) -> None:
     config = write(tmp_path / "weeds.geojson", CROPS[:3])
-    with pytest.raises(AgribotError, match=r"3 crop plants.*weeds\.geojson of a run"):
+    with refused(CropMapCount("weeds.geojson", 3, ANY, ANY)):
         read_plant_file(config)
 
 

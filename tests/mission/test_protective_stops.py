@@ -16,12 +16,14 @@ from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.fact_text import render
 from agribot.core.facts import (
+    CutOffStanding,
     Fact,
     ImuFrozen,
     ImuLineSpoilt,
     Motion,
     MotorDead,
     MotorsReportFault,
+    NothingToClear,
     StoppedBy,
     StopToClear,
     Stuck,
@@ -312,12 +314,12 @@ def test_a_stopped_run_is_not_resumed_where_nobody_could_let_it_go(
     words = ["run", "--resume", str(first), "--for", "8", "--out", str(tmp_path / "again")]
     assert main(words) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
-    assert render(read_mission(first).stop) in line
-    assert is_like(read_mission(first).stop, Touched("front", ANY, ANY, ANY))
-    assert "--clear-stop" in line
+    stop = find(read_mission(first).stop, Touched)
+    assert is_like(stop, Touched("front", ANY, ANY, ANY))
+    assert render(CutOffStanding(str(first), stop, asks_first=False)) in line
     assert not (tmp_path / "again").exists()
     assert main(["run", "farm", "--clear-stop"]) == 2
-    assert "give --resume RUNDIR" in capsys.readouterr().err
+    assert render(NothingToClear()) in capsys.readouterr().err
     main([*words, "--clear-stop"])
     assert read_mission(tmp_path / "again").s_m > read_mission(first).s_m
 

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from agribot.core.errors import MissionError
-from agribot.core.facts import WayCrossesCrop
+from agribot.core.fact_text import render
+from agribot.core.facts import ObstacleOutside, WayCrossesCrop
 
 pytest.importorskip("starlette")
 from agribot.app.field_work import read_work
@@ -103,7 +104,5 @@ def test_a_fault_of_a_field_is_a_place_on_the_map_and_no_degrees_in_the_text() -
     pond = [(WEST - 9.0, SOUTH), (WEST - 7.0, SOUTH), (WEST - 7.0, NORTH), (WEST - 9.0, NORTH)]
     made = plan(feature("boundary", AROUND), {**feature("boundary", pond), **OBSTACLE})
     [reason] = made.answer.reasons
-    assert reason.text == (
-        "the field: obstacle 1 lies outside the boundary; draw the boundary around it, or remove it"
-    )
+    assert reason.text == render(ObstacleOutside("the field: obstacle 1"))
     assert reason.at_map_m == pytest.approx((WEST - 8.0, (SOUTH + NORTH) / 2.0), abs=0.1)

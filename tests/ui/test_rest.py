@@ -16,8 +16,6 @@ from shapely.geometry import Polygon
 from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
-from agribot.core.fact_text import render
-from agribot.core.facts import NoSuchField
 from agribot.core.geo import MapFrame
 from agribot.core.home import find_home
 from agribot.core.messages import ChangeSetting
@@ -255,7 +253,7 @@ def test_one_of_several_fields_in_a_file_is_opened_by_its_name(browser: Browser)
     assert read["features"][0]["geometry"]["coordinates"][0][0] == pytest.approx(east[0])
     status, answer = browser.ask("POST", f"{path}&field=North", data)
     assert status == 422
-    assert answer["error"] == render(NoSuchField("'farm.geojson'", "North", "'West', 'East'"))
+    assert all(name in answer["error"] for name in ("farm.geojson", "North", "West", "East"))
 
 
 def test_a_field_is_exported_in_the_format_that_is_asked_for(browser: Browser) -> None:

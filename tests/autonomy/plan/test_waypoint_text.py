@@ -106,4 +106,5 @@ def test_any_text_gives_points_or_one_clear_error(text: str) -> None:
     try:
         assert parse_waypoints(text, "f")
     except MissionError as error:
-        assert str(error).startswith("f")
+        named = dict(error.fact.values)
+        assert str(named.get("where") or named["file"]).startswith("f")
