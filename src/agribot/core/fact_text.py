@@ -69,12 +69,21 @@ def render(fact: Fact | None, language: str = "en") -> str:
 
 def render_apart(fact: Fact, language: str = "en") -> tuple[str, str]:
     """Make the text of a fact, and that of what to do about it, which may be empty."""
-    entry = _find_of_package(fact, language) if isinstance(fact, PluginFact) else None
-    if entry is not None:
-        return str(entry.text), str(entry.do)
-    entry = load_table(language).facts[fact.code]
+    if isinstance(fact, PluginFact) and (own := _find_of_package(fact, language)) is not None:
+        return str(own.text), str(own.do)
+    entry = load_table(language).facts[str(fact.__struct_config__.tag)]
     text = _fill(choose(entry.text, fact), fact, language)
     return text, _fill(choose(entry.do, fact), fact, language)
+
+
+class _Amount:
+    """A number that is formatted with the decimal point of a language."""
+
+    def __init__(self, value: float, point: str) -> None:
+        self._value, self._point = value, point
+
+    def __format__(self, spec: str) -> str:
+        return format(self._value, spec).replace(".", self._point)
 
 
 @cache
@@ -92,7 +101,9 @@ def _find_of_package(fact: PluginFact, language: str) -> Entry | None:
     try:
         texts = _load_texts(fact.plugin, tuple(sys.path))
         entry = msgspec.convert((texts.get(language) or texts["en"])[fact.name], Entry)
-        return Entry(str(entry.text).format(**fact.amounts), str(entry.do).format(**fact.amounts))
+        point = load_table(language).words["number"]["point"]
+        amounts = {name: _Amount(value, point) for name, value in fact.amounts.items()}
+        return Entry(str(entry.text).format(**amounts), str(entry.do).format(**amounts))
     except Exception:  # noqa: BLE001 (whatever is in a package of others)
         return None
 

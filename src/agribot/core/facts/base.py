@@ -137,6 +137,10 @@ class PluginFact(Fact, frozen=True):
     amounts: dict[str, float] = msgspec.field(default_factory=dict)
 
     @property
+    def code(self) -> str:
+        return f"{self.plugin}.{self.name}"
+
+    @property
     def parts(self) -> tuple[str, ...]:
         return (self.part,) if self.part else ()
 
