@@ -91,7 +91,7 @@ def _read_shard(text: str | None) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)/(\d+)", text)
     number, count = (int(found[1]), int(found[2])) if found else (0, 0)
     if not 1 <= number <= count:
-        raise ConfigError(f"--shard {text}: write the part and the count of parts, such as 2/4")
+        raise ConfigError(f"--shard {text}: no part of a count; write such as 2/4")
     return number, count
 
 
