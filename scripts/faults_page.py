@@ -59,7 +59,7 @@ and judges the robot until the end of its mission beside the same drive without 
 again, it goes on where it was interrupted. [What it measured](results/faults-matrix.md) last.
 
 ```
-agribot bench faults                                 # a covering array: half an hour of a CPU
+agribot bench faults                                 # a covering array: 40 minutes of a CPU
 agribot bench faults --faults motor.runaway,carried --seeds 1
 agribot bench faults --shard 2/4 --out shared/matrix # the second of four parts
 agribot bench faults --all                           # every fault, state, course and seed

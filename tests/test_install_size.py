@@ -9,8 +9,8 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 SOURCE = Path(__file__).parents[1] / "src" / "agribot"
-# A quarter of a gibibyte less 25 MiB: pip, setuptools and the compiled code of what a robot loads.
-MOST_MIB = 256 - 25
+# A quarter of a gibibyte less 24 MiB: pip, setuptools and the compiled code of what a robot loads.
+MOST_MIB = 256 - 24
 BLOCK_BYTES = 512  # of st_blocks
 
 

@@ -30,7 +30,7 @@ def truth_at_start() -> Truth:
 
 
 def off_by(record: TickRecord, t_s: float, off_m: float) -> TickRecord:
-    """Return a tick of a robot that believes to be this far east of its place, to 0.5 m."""
+    """Return a tick of a robot whose position is off to the east, with a level of 0.5 m."""
     estimate = msgspec.structs.replace(
         record.estimate, x_map_m=off_m, y_map_m=0.0, ok=True, protection_m=0.5
     )

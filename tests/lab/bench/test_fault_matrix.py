@@ -143,6 +143,6 @@ def test_a_matrix_is_driven_in_parts_and_no_cell_twice(
     assert (found["cells"], found["missions_without_fault"], found["red"]) == (2, 1, 0)
     assert found["detected_ratio"] == found["named_ratio"] == 1.0
     assert found["never_began"] == 2  # within three seconds it never turns
-    assert "| `bumper.contact` | 0.0" in page.read_text()
+    assert "|`bumper.contact`|0.0" in page.read_text()
     assert page.with_suffix(".csv").read_text().startswith("fault,also,state,course,seed,")
     assert not list((tmp_path / "out" / "runs").glob("*/*"))

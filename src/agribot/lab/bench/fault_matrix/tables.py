@@ -49,14 +49,13 @@ def _format_grid(
     column_of: Callable[[CellVerdict], str],
     columns: Sequence[str],
 ) -> str:
-    lines = [f"| {corner} | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    lines = [f"|{corner}|{'|'.join(columns)}|", "|---" * (len(columns) + 1) + "|"]
     for line in dict.fromkeys(map(line_of, verdicts)):
         mine = [verdict for verdict in verdicts if line_of(verdict) == line]
         cells = (
-            ", ".join(_format_cell(v) for v in mine if column_of(v) == column) or " "
-            for column in columns
+            ",".join(_format_cell(v) for v in mine if column_of(v) == column) for column in columns
         )
-        lines.append(f"| `{line}` | {' | '.join(cells)} |")
+        lines.append(f"|`{line}`|{'|'.join(cells)}|")
     return "\n".join(lines) + "\n"
 
 
@@ -68,7 +67,7 @@ def _format_cell(verdict: CellVerdict) -> str:
         seen = f"{verdict.noticed_s:.1f}{mark}"
     else:
         seen = f"{HARMLESS if verdict.is_harmless else UNSEEN}{mark}"
-    return f"{RED} {seen}" if verdict.red else seen
+    return f"{RED}{seen}" if verdict.red else seen
 
 
 def format_red(verdicts: Sequence[CellVerdict]) -> str:
@@ -76,15 +75,13 @@ def format_red(verdicts: Sequence[CellVerdict]) -> str:
     red = [verdict for verdict in verdicts if verdict.red]
     if not red:
         return "No cell is red.\n"
-    lines = ["| fault | state | course, seed | noticed after | what is red | it said |",
-             "|---|---|---|---|---|---|"]  # fmt: skip
+    lines = ["|fault|state|course|seed|noticed|red|", "|---" * 6 + "|"]
     for verdict in red:
         faults = f"`{verdict.fault}`" + (f", `{verdict.also}`" if verdict.also else "")
-        after = "-" if verdict.noticed_s is None else f"{verdict.noticed_s:.1f} s"
-        said = verdict.reason.replace("|", "\\|").replace("\n", " ")[:100] or "-"
+        after = "-" if verdict.noticed_s is None else f"{verdict.noticed_s:.1f}"
         lines.append(
-            f"| {faults} | {verdict.state} | {verdict.course}, {verdict.seed} | {after} | "
-            f"{'; '.join(verdict.red)} | {said} |"
+            f"|{faults}|{verdict.state}|{verdict.course}|{verdict.seed}|{after}|"
+            f"{'; '.join(verdict.red)}|"
         )
     return "\n".join(lines) + "\n"
 
