@@ -128,7 +128,7 @@ def test_eval_of_rows_refuses_what_shows_none(
 def test_the_card_says_how_the_default_network_names_plants_on_photographed_rows(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    words = ["--data", "rows", "--folds", "5", "--fold", "1", "--json"]
+    words = ["--data", "rows", "--folds", "5", "--fold", "0", "--json"]
     assert main(["eval", str(DATA), *words]) == 0
     result, stated = result_of(capsys), read_card(DEFAULT_MODEL)["rows"]
     assert result["pictures"] == 60

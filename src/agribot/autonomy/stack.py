@@ -18,6 +18,7 @@ from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.sensors.mapped_rows import MappedRows
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.implements.zones import ZoneMap
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import look
 from agribot.autonomy.perceive.scan_obstacles import ScanObstacles
@@ -267,10 +268,12 @@ def perceiving(
     )  # fmt: skip
 
     def observer(frame: CameraFrame, ready_s: float) -> Scene:
+        def show_names(class_map: ClassMap) -> None:
+            if on_mask is not None:
+                on_mask(frame.index, class_map.class_id)
+
         class_map = segmenter.segment(frame.image_rgb)
-        if on_mask is not None:
-            on_mask(frame.index, class_map.class_id)
-        return look(frame, class_map, ground, settings, ready_s)
+        return look(frame, class_map, ground, settings, ready_s, show_names)
 
     if runs_in_real_time(config.platform):
         return NewestPerception(observer, settings.latency_s)

@@ -130,7 +130,7 @@ def test_the_found_line_lies_on_the_crop(row: float) -> None:
     camera = PhotoCameras([traced]).find(traced)
     assert camera is not None
     seen = ColourNetwork().segment(draw_field((row,)))
-    found = LineFinder().find(PictureClasses(seen.class_id, seen.confidence), camera)
+    found = LineFinder().find(PictureClasses(seen.class_id, seen.confidence), camera).line
     assert found is not None
     assert found.line.at_px == pytest.approx(place_row(row, JUDGED_AT_PX), abs=4.0)
     assert found.line.angle_rad == pytest.approx(math.atan(row * SPACING), abs=math.radians(1.5))

@@ -45,7 +45,7 @@ def name_plants(class_map: ClassMap) -> ClassMap:
     cells = find_cell_owners(class_map.plants, stems, sum_cells(is_plant))
     leaves = _find_leaves(cells, is_plant)
     shares = _share_names(class_map, stems, leaves)
-    owned = OwnedLeaves(_rename(stems, shares), cells)
+    owned = OwnedLeaves(rename(stems, shares), cells)
     doubt = find_doubt(class_map.plants, owned, is_plant)
     named = msgspec.structs.replace(class_map, owned=owned, doubt=doubt)
     return _paint(named, leaves, shares)
@@ -78,7 +78,7 @@ def _share_names(class_map: ClassMap, stems: Stems, leaves: _Leaves) -> FloatArr
     return share_kinds(likely * of_leaves.clip(LEAST_SHARE, MOST_SHARE))
 
 
-def _rename(stems: Stems, shares: FloatArray) -> Stems:
+def rename(stems: Stems, shares: FloatArray) -> Stems:
     """Let the scores of stems stand as the shares of their plants do; the higher one stays."""
     highest = stems.kind_scores.max(axis=1, keepdims=True)
     return stems._replace(kind_scores=highest * shares / shares.max(axis=1, keepdims=True))

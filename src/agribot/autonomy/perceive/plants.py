@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,8 @@ from agribot.autonomy.perceive.crop_cover import middles_of_squares
 from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
-from agribot.autonomy.perceive.row_line import find_row_line
+from agribot.autonomy.perceive.row_line import SeenRowLine, see_row_line
+from agribot.autonomy.perceive.row_names import name_by_rows
 from agribot.autonomy.perceive.stem_plants import (
     SeenStems,
     find_leaves,
@@ -32,6 +34,7 @@ from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlan
 
 LabelArray = npt.NDArray[np.signedinteger]
 Counts = npt.NDArray[np.int64]
+NamesTap = Callable[[ClassMap], None]
 
 # A piece that shares this much of its outline with a bigger plant of the other class, and is
 # smaller than that plant by the area ratio, is a mislabelled part of it and no plant of its own.
@@ -59,11 +62,17 @@ def look(
     ground: GroundLookup,
     config: PerceptionConfig,
     ready_s: float,
+    on_names: NamesTap | None = None,
 ) -> Scene:
-    """Make the scene of a frame, an empty one with the reason where the picture is unfit."""
+    """Make the scene of a frame, an empty one with the reason where the picture is unfit.
+
+    `on_names` gets the class map with the names of the scene.
+    """
     unfit = find_unfit(frame.image_rgb, class_map)
     if unfit is None:
-        return observe(frame, class_map, ground, config, ready_s)
+        return observe(frame, class_map, ground, config, ready_s, on_names)
+    if on_names is not None:
+        on_names(class_map)
     return Scene(
         t_s=frame.t_s,
         ready_s=ready_s,
@@ -83,8 +92,25 @@ def observe(
     ground: GroundLookup,
     config: PerceptionConfig,
     ready_s: float,
+    on_names: NamesTap | None = None,
 ) -> Scene:
     """Make the scene of a frame that is fit, from the class map of its image."""
+    seen = see_row_line(class_map, ground, frame.t_s, frame.image_rgb)
+    if seen is not None and seen.far is not None:
+        class_map = name_by_rows(class_map, ground, seen.far)
+    if on_names is not None:
+        on_names(class_map)
+    return _describe(frame, class_map, ground, config, ready_s, seen)
+
+
+def _describe(
+    frame: CameraFrame,
+    class_map: ClassMap,
+    ground: GroundLookup,
+    config: PerceptionConfig,
+    ready_s: float,
+    seen: SeenRowLine | None,
+) -> Scene:
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
     pieces = find_pieces(class_map, ground)
@@ -97,7 +123,7 @@ def observe(
         plants=tuple(ground_plants(class_map, ground, config, pieces, stems)),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
-        row_line=find_row_line(class_map, ground, frame.t_s, frame.image_rgb),
+        row_line=None if seen is None else seen.line,
         crop_cover=ground.cover_grid.cover(
             pieces.labels > pieces.weeds,
             leaves,

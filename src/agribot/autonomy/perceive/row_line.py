@@ -110,10 +110,15 @@ class Fit(NamedTuple):
 
 
 class SeenRowLine(NamedTuple):
-    """A row line, and by how much the camera was taken to look further down than described."""
+    """A row line, and the rows to the horizon by which it was found, if it was."""
 
     line: RowLine
-    tilt_rad: float = 0.0
+    far: FarLine | None = None
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle by which the camera was taken to look further down than described."""
+        return self.far.tilt_rad if self.far else 0.0
 
 
 def find_row_line(
@@ -130,7 +135,7 @@ def find_row_line(
 def see_row_line(
     class_map: ClassMap, ground: GroundLookup, t_s: float, image_rgb: ByteArray | None = None
 ) -> SeenRowLine | None:
-    """Find a row line as `find_row_line` does, with the tilt of the camera for which it holds."""
+    """Find a row line as `find_row_line` does, with the rows far away that it is one of."""
     near = _find_near(class_map, ground, t_s)
     view = ground.far_view
     far = view and find_far_line(measure_far_contrast(class_map, image_rgb), view)
@@ -141,7 +146,7 @@ def see_row_line(
         line = msgspec.structs.replace(
             line, start_ahead_m=near.start_ahead_m, end_ahead_m=near.end_ahead_m
         )
-    return SeenRowLine(line, far.tilt_rad)
+    return SeenRowLine(line, far)
 
 
 def _fit_far(far: FarLine) -> Fit:

@@ -43,12 +43,17 @@ class PictureJudge:
     def judge(
         self, name: str, condition: str, picture: RowPhoto, classes: PictureClasses
     ) -> JudgedPicture:
-        """Judge the classes (SIDE_PX, SIDE_PX) of a picture; without a camera no line is sought."""
+        """Judge the classes (SIDE_PX, SIDE_PX) of a picture; without a camera no line is sought.
+
+        Plants are named by the line that is found as well, not by the labelled ones.
+        """
         regions, scores = find_regions(picture), NameScores()
-        scores.add(regions, classes.class_id)
         labelled = trace_lines(picture.lines)
         camera = self._cameras.find(labelled)
-        line = self._finder.find(classes, camera, picture.image_rgb) if camera else None
+        line = None
+        if camera is not None:
+            line, classes = self._finder.find(classes, camera, picture.image_rgb)
+        scores.add(regions, classes.class_id)
         return JudgedPicture(
             name, condition, picture, regions, classes.class_id, scores, labelled, camera, line
         )

@@ -14,6 +14,7 @@ from agribot.autonomy.perceive.far_view import FOLIAGE_M
 from agribot.autonomy.perceive.ground import GroundLookup, ground_to_pixels
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.autonomy.perceive.row_line import SeenRowLine, see_row_line
+from agribot.autonomy.perceive.row_names import name_by_rows
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import ByteArray, FloatArray
 from agribot.core.pose import Pose2
@@ -54,6 +55,13 @@ class FoundLine(NamedTuple):
     line: PictureLine
     angle_std_rad: float
     at_std_px: float
+
+
+class NamedPicture(NamedTuple):
+    """The line that was found in a picture, if any, and the classes that rows and looks give."""
+
+    line: FoundLine | None
+    classes: PictureClasses
 
 
 class PhotoCamera(NamedTuple):
@@ -128,14 +136,14 @@ def _measure_gaps(lines: Sequence[PictureLine]) -> FloatArray:
 
 
 class LineFinder:
-    """Finds the row line in photographs as the robot finds it."""
+    """Finds the row line in photographs, and names plants by it, as the robot does."""
 
     def __init__(self) -> None:
         self._views: dict[PhotoCamera, PhotoGround] = {}
 
     def find(
         self, classes: PictureClasses, camera: PhotoCamera, image_rgb: ByteArray | None = None
-    ) -> FoundLine | None:
+    ) -> NamedPicture:
         """Find the line in a picture (SIDE_PX, SIDE_PX, 3) and its classes (SIDE_PX, SIDE_PX)."""
         rounded = camera._replace(spacing_px=SPACING_STEP ** round(
             math.log(camera.spacing_px) / math.log(SPACING_STEP)
@@ -163,15 +171,19 @@ class PhotoGround:
             spec, self._body_from_camera, shape, MOST_RANGE_M, ROW_SPACING_M / self._farther
         )
 
-    def find(self, classes: PictureClasses, image_rgb: ByteArray | None) -> FoundLine | None:
+    def find(self, classes: PictureClasses, image_rgb: ByteArray | None) -> NamedPicture:
         """Find the line in a picture (SIDE_PX, SIDE_PX, 3) and its classes (SIDE_PX, SIDE_PX)."""
         class_map = ClassMap(
             class_id=classes.class_id, confidence=classes.confidence, scale_px=(1.0, 1.0)
         )
         seen = see_row_line(class_map, self._ground, 0.0, image_rgb)
         if seen is None or seen.line.offset_m is None or seen.line.heading_rad is None:
-            return None
-        return self._measure(seen, seen.line.offset_m, seen.line.heading_rad)
+            return NamedPicture(None, classes)
+        line = self._measure(seen, seen.line.offset_m, seen.line.heading_rad)
+        if seen.far is None:
+            return NamedPicture(line, classes)
+        named = name_by_rows(class_map, self._ground, seen.far)
+        return NamedPicture(line, PictureClasses(named.class_id, named.confidence))
 
     def _measure(self, seen: SeenRowLine, offset_m: float, heading_rad: float) -> FoundLine:
         """Project the line, and the two lines that are off it by one sigma."""
