@@ -184,7 +184,6 @@ OPERATIONS = frozenset(
 LOOKED_INTO = {
     "autonomy/weeds/map.py": "of a plant that was left: the number of one of the implement's words",
     "cli/run/teleop.py": "it is shortened for a line of the terminal",
-    "lab/bench/fault_matrix/tables.py": "it is shortened for a cell of a table, its bars escaped",
     "lab/bench/fault_rows.py": "of reports: why a run ended, which has no fact",
     "record/localization/page.py": "of results: the word ok",
     "ui/server/app.py": "a refused connection has room for this many letters",

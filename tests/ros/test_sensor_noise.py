@@ -76,10 +76,10 @@ def test_the_noise_is_there_from_the_next_sample_on_and_gone_again(sensors: Sens
 @pytest.mark.parametrize(
     ("sensor", "parameter", "value", "limit"),
     [
-        ("gyro", "gaussian_noise", 11.0, "within 0 and 10 rad/s"),
-        ("gnss", "offset", -101.0, "within -100 and 100 m"),
-        ("accel", "scale_error", 11.0, "within -10 and 10 times"),
-        ("mag", "drift_frequency", 1000.0, "within 0 and 100 Hz"),
+        ("gyro", "gaussian_noise", 11.0, "give 0 to 10 rad/s"),
+        ("gnss", "offset", -101.0, "give -100 to 100 m"),
+        ("accel", "scale_error", 11.0, "give -10 to 10 times"),
+        ("mag", "drift_frequency", 1000.0, "give 0 to 100 Hz"),
         ("gyro", "drift", float("nan"), "finite"),
     ],
 )
@@ -149,7 +149,7 @@ def test_parameters_of_ros2_change_the_noise_and_say_their_limits(sensors: Senso
         assert sensors.gyro_std() == pytest.approx(0.05, rel=0.1)
         refused = peer.set(name, 50.0)
         assert not refused.successful
-        assert "within 0 and 10 rad/s" in refused.reason
+        assert "give 0 to 10 rad/s" in refused.reason
         sensors.platform.tune("gyro", "gaussian_noise", 0.5)  # as the page and Python do
         assert peer("GetParameters", [name]).values[0].double_value == 0.5
 
@@ -175,7 +175,7 @@ def test_rosparam_of_a_real_ros1_changes_the_noise(ros1: Ros1, sensors: Sensors)
         assert sensors.gyro_std() == pytest.approx(0.05, rel=0.1)
         _run(ros1, "rosparam", "set", name, "77")
         wait_for(lambda: ask(ros1.uri, "getParam", name)[2] == 0.05, "the value to be put back")
-        assert "within 0 and 10 rad/s" in sensors.refused[-1]
+        assert "give 0 to 10 rad/s" in sensors.refused[-1]
         _run(ros1, "rosparam", "set", name, "loud")
         wait_for(lambda: ask(ros1.uri, "getParam", name)[2] == 0.05, "the value to be put back")
         assert sensors.noise.read("gyro")["gaussian_noise"] == 0.05
@@ -195,7 +195,7 @@ def test_the_service_of_dynamic_reconfigure_changes_the_noise(ros1: Ros1, sensor
         assert ask(ros1.uri, "getParam", f"{group}/gaussian_noise")[2] == 0.5
         done, why = _call(ros1, f"{group}/set_parameters", {"offset": 1.0, "drift": 500.0})
         assert not done
-        assert b"within 0 and 100 m" in why
+        assert b"give 0 to 100 m" in why
         assert sensors.noise.read("gnss")["offset"] == 0.0
         kinds = dict(ask(ros1.uri, "getTopicTypes")[2])
         assert kinds[f"{group}/parameter_updates"] == "dynamic_reconfigure/Config"

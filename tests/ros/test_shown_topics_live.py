@@ -166,7 +166,7 @@ def test_a_type_of_another_definition_is_refused() -> None:
     check_definition(ros2_store(), "/scan", SCAN, ros2_store().hash_rihs01(SCAN), "/new")
     with pytest.raises(BridgeError, match=f"/scan: {SCAN} of /other has another definition"):
         check_definition(ros2_store(), "/scan", SCAN, "RIHS01_00", "/other")
-    with pytest.raises(BridgeError, match="/own: the type own_msgs/msg/Own is not known"):
+    with pytest.raises(BridgeError, match="/own: the type own_msgs/msg/Own is unknown"):
         check_definition(ros2_store(), "/own", "own_msgs/msg/Own", "", "/other")
 
 

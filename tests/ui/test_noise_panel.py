@@ -43,6 +43,6 @@ def test_the_noise_changes_by_a_post_and_a_limit_is_named(tmp_path: Path) -> Non
                 status, answer = browser.ask(
                     "POST", WHERE, {"sensor": "gyro", "offset": 0.5, "drift": 99.0}
                 )
-                assert (status, "within 0 and 10 rad/s" in answer["error"]) == (422, True)
+                assert (status, "give 0 to 10 rad/s" in answer["error"]) == (422, True)
                 assert browser.ask("POST", WHERE, {"sensor": "sonar"})[0] == 422
                 assert gyro_std(session) == pytest.approx(0.05, rel=0.1)

@@ -72,4 +72,4 @@ def test_every_seed_is_driven_at_every_speed_with_or_without_a_lidar() -> None:
 
 def test_a_speed_that_is_no_number_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "encounters", "--speeds", "fast"]) == 2
-    assert "--speeds fast: write numbers" in capsys.readouterr().err
+    assert "--speeds fast: not numbers" in capsys.readouterr().err

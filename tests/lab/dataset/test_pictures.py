@@ -118,7 +118,7 @@ def jpeg(tmp_path: Path) -> bytes:
 
 @pytest.mark.parametrize(
     ("name", "kept", "reason"),
-    [("empty.jpg", 0, "empty"), ("cut.jpg", 900, "decoded"), ("stub.jpg", 12, "no picture")],
+    [("empty.jpg", 0, "empty"), ("cut.jpg", 900, "decoded"), ("stub.jpg", 12, "is not a picture")],
 )
 def test_a_broken_file_is_named_with_its_reason(
     name: str, kept: int, reason: str, tmp_path: Path
