@@ -12,10 +12,10 @@ from pathlib import Path
 from agribot.cli.counting import CountProgress
 from agribot.cli.ranges import check_workers
 from agribot.cli.stopping import stop_on_signal
+from agribot.cli.tools.result_files import read_page, write_result
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
-from agribot.core.errors import ConfigError, RecordingError
-from agribot.core.whole_file import write_at_once
+from agribot.core.errors import ConfigError
 from agribot.lab.bench.fault_matrix import cells as matrix
 from agribot.lab.bench.fault_matrix.cells import Cell
 from agribot.lab.bench.fault_matrix.driving import CellResult
@@ -48,15 +48,15 @@ def run(options: argparse.Namespace) -> int:
     chosen = choose_cells(options)
     check_workers(options.workers)
     extras.require("sim", "agribot bench faults")
-    page = None if options.markdown is None else _read_page(options.markdown)
+    page = None if options.markdown is None else read_page(options.markdown, BLOCK)
     folder = MatrixFolder((options.out or Path("runs") / "fault-matrix").resolve())
     lost = _drive(folder, chosen, options.workers)
     results = folder.read((*matrix.list_references(chosen), *chosen))
     verdicts = judge_all(results)
     result = summarise(verdicts, results, lost)
-    _write(folder.path / "matrix.csv", format_csv(verdicts))
-    _write(folder.path / "matrix.md", format_page(result, verdicts))
-    _write(folder.path / "matrix.json", json.dumps(result, indent=1) + "\n")
+    write_result(folder.path / "matrix.csv", format_csv(verdicts))
+    write_result(folder.path / "matrix.md", format_page(result, verdicts))
+    write_result(folder.path / "matrix.json", json.dumps(result, indent=1) + "\n")
     sys.stdout.write(f"{format_red(verdicts)}\n{describe(result)}")
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
@@ -65,8 +65,8 @@ def run(options: argparse.Namespace) -> int:
                          "the rest\n")  # fmt: skip
         return 130
     if page is not None:
-        _write(options.markdown.with_suffix(".csv"), format_csv(verdicts))
-        _write(options.markdown, rewrite_block(page, BLOCK, format_page(result, verdicts)))
+        write_result(options.markdown.with_suffix(".csv"), format_csv(verdicts))
+        write_result(options.markdown, rewrite_block(page, BLOCK, format_page(result, verdicts)))
     return 0
 
 
@@ -115,25 +115,3 @@ def _drive(folder: MatrixFolder, cells: Sequence[Cell], workers: int) -> tuple[C
         folder.drive(list(onsets_s), onsets_s, workers, lambda: bool(stop), show)
     progress.close()
     return lost
-
-
-def _read_page(path: Path) -> str:
-    """Read a page, and check before anything is driven that the matrix has its place there."""
-    try:
-        page = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"--markdown {path}: cannot be read: {error}; name a page that exists"
-        ) from error
-    rewrite_block(page, BLOCK, "")
-    return page
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        write_at_once(path, text.encode())
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write into {path.parent}: {error.strerror or error}; make room and run the "
-            "same command again"
-        ) from error

@@ -11,11 +11,11 @@ from pathlib import Path
 from agribot.app.workers import usable_cpus
 from agribot.cli.ranges import check_within, check_workers
 from agribot.cli.tools import bench_fault_matrix
+from agribot.cli.tools.result_files import read_page, write_result
 from agribot.cli.tools.sweep import drive_all
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
-from agribot.core.errors import ConfigError, RecordingError
-from agribot.core.whole_file import write_at_once
+from agribot.core.errors import ConfigError
 from agribot.lab.bench import faults
 from agribot.lab.bench.fault_rows import FaultRow, make_rows, summarise_rows
 from agribot.lab.bench.fault_tables import (
@@ -101,7 +101,7 @@ def _run_in_row(options: argparse.Namespace) -> int:
 
     scenarios, jobs = _choose(options)
     extras.require("sim", "agribot bench faults")
-    page = None if options.markdown is None else _read_page(options.markdown, _name(options))
+    page = None if options.markdown is None else read_page(options.markdown, _name(options))
     path = options.out or Path("runs") / f"faults{_find_ending(options)}"
     folder = SweepFolder(path.resolve(), jobs)
     jobs = folder.jobs
@@ -110,8 +110,8 @@ def _run_in_row(options: argparse.Namespace) -> int:
     rows = make_rows(scenarios, jobs, reports)
     result = summarise_rows(rows, jobs, reports)
     table = format_table(rows)
-    _write(folder.path / "faults.md", table)
-    _write(folder.path / "faults.json", json.dumps(result, indent=1) + "\n")
+    write_result(folder.path / "faults.md", table)
+    write_result(folder.path / "faults.json", json.dumps(result, indent=1) + "\n")
     sys.stdout.write(f"{table}\n{describe_result(result)}")
     for outcome in errors:
         sys.stderr.write(f"agribot bench faults: {outcome.job.name}: {outcome.error}\n")
@@ -131,8 +131,8 @@ def _publish(path: Path, page: str, name: str, summary: str, rows: Sequence[Faul
     """Write the rows into the CSV file beside a page, and what they sum up to into the page."""
     table = path.with_suffix(".csv")
     kept = table.read_text(encoding="utf-8") if table.exists() else ""
-    _write(table, rewrite_rows(kept, name, rows))
-    _write(path, rewrite_block(page, name, f"{summary}\n{format_open(rows)}"))
+    write_result(table, rewrite_rows(kept, name, rows))
+    write_result(path, rewrite_block(page, name, f"{summary}\n{format_open(rows)}"))
 
 
 def _choose(options: argparse.Namespace) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:
@@ -186,25 +186,3 @@ def _write_command(options: argparse.Namespace) -> str:
     if options.camera is not None:
         words += ["--camera" if options.camera else "--no-camera"]
     return " ".join(words)
-
-
-def _read_page(path: Path, name: str) -> str:
-    """Read a page, and check before anything is driven that the table has its place there."""
-    try:
-        page = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"--markdown {path}: cannot be read: {error}; name a page that exists"
-        ) from error
-    rewrite_block(page, name, "")
-    return page
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        write_at_once(path, text.encode())
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write into {path.parent}: {error.strerror or error}; make room and run the "
-            "same command again"
-        ) from error

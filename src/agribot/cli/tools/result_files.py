@@ -1,0 +1,32 @@
+"""Files of a campaign's result: its tables, and the page of documents that shows them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.whole_file import write_at_once
+from agribot.lab.bench.fault_tables import rewrite_block
+
+
+def read_page(path: Path, name: str) -> str:
+    """Read a page, and check before anything is driven that the table has its place there."""
+    try:
+        page = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"--markdown {path}: cannot be read: {error}; name a page that exists"
+        ) from error
+    rewrite_block(page, name, "")
+    return page
+
+
+def write_result(path: Path, text: str) -> None:
+    """Write a file whole. Raises: RecordingError: there is no room for it."""
+    try:
+        write_at_once(path, text.encode())
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write into {path.parent}: {error.strerror or error}; make room and run the "
+            "same command again"
+        ) from error
