@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
@@ -155,6 +155,25 @@ def bind_settings(plugin: Any, plugins: Mapping[str, Any], name: str) -> dict[st
     """Return the keyword argument `settings` of a plugin that has some, else no argument."""
     kind = getattr(plugin, "settings", None)
     return {} if kind is None else {"settings": read_settings(plugins, name, kind)}
+
+
+def find_used(group: str, plugins: Mapping[str, Any]) -> dict[str, Any]:
+    """Import the objects of a group that `RunConfig.plugins` names, by their names.
+
+    Raises: ConfigError: as `find_plugin` does.
+    """
+    found = ((name, find_plugin(group, name)) for name in plugins)
+    return {name: plugin for name, plugin in found if plugin is not None}
+
+
+def bind_all(parts: Mapping[str, Any], plugins: Mapping[str, Any]) -> dict[str, Any]:
+    """Bind each part to its settings, which are those of `RunConfig.plugins`.
+
+    Raises: ConfigError: they do not fit.
+    """
+    return {
+        name: partial(part, **bind_settings(part, plugins, name)) for name, part in parts.items()
+    }
 
 
 def _find_points(group: str) -> tuple[EntryPoint, ...]:

@@ -7,7 +7,6 @@ A further one is a class in a file of its own, and a line here or, from elsewher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
 from agribot.autonomy.estimate.sensors.base_correction import BaseCorrection
@@ -21,7 +20,7 @@ from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensors.row_lines import RowLines
 from agribot.core.errors import ConfigError
 from agribot.core.plugins import CORRECTIONS as GROUP
-from agribot.core.plugins import bind_settings, find_plugin
+from agribot.core.plugins import bind_all, find_used
 
 BuildCorrection = Callable[..., Correction[Any]]  # builder that takes a `PoseFilter` and `settings`
 
@@ -57,13 +56,10 @@ def load_corrections(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilt
 
     Raises: ConfigError: a package cannot be imported, or its settings do not fit.
     """
-    installed = {name: build for name in plugins if (build := find_plugin(GROUP, name)) is not None}
+    installed = find_used(GROUP, plugins)
     for name in installed.keys() & CORRECTIONS.keys():
         raise ConfigError(
             f"corrections: the installed correction {name!r} has the name of a registered one; "
             "rename it in its package"
         )
-    found = CORRECTIONS | installed
-    return {
-        name: partial(build, **bind_settings(build, plugins, name)) for name, build in found.items()
-    }
+    return bind_all(CORRECTIONS | installed, plugins)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from agribot.autonomy.estimate.filter.ekf import X, Y
@@ -24,7 +23,7 @@ from agribot.autonomy.estimate.witnesses.scene_watch import SceneWatch
 from agribot.autonomy.estimate.witnesses.witness import FedWatch, Finding, Witness
 from agribot.core.facts import CameraAndGnssDisagree, Fact, FixesRejected
 from agribot.core.messages import GnssQuality, Scene, SensorBatch
-from agribot.core.plugins import WITNESSES, bind_settings, find_plugin
+from agribot.core.plugins import WITNESSES, bind_all, find_used
 
 
 def load_witnesses(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilter], Witness]]:
@@ -35,10 +34,7 @@ def load_witnesses(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilter
 
     Raises: ConfigError: a package cannot be imported, or its settings do not fit.
     """
-    found = {name: build for name in plugins if (build := find_plugin(WITNESSES, name)) is not None}
-    return {
-        name: partial(build, **bind_settings(build, plugins, name)) for name, build in found.items()
-    }
+    return bind_all(find_used(WITNESSES, plugins), plugins)
 
 
 class Doubts:
