@@ -9,7 +9,7 @@ import pytest
 from agribot.app.field_work import read_plan_text
 from agribot.autonomy.plan.ways.waypoint_text import parse_waypoints
 from agribot.cli.run.drive_source import read_script
-from agribot.core.config import RunConfig, read_toml
+from agribot.core.config import RunConfig
 from agribot.core.geo import Datum
 from agribot.core.table_text import (
     decode_text,
@@ -18,6 +18,7 @@ from agribot.core.table_text import (
     read_decimal,
     recode_text,
 )
+from agribot.core.toml_tree import read_toml
 from agribot.description.conditions import load_condition_preset
 from agribot.description.drawn_rows import read_drawn_rows
 from agribot.description.markup import find_place, parse_xml

@@ -30,9 +30,10 @@ from agribot.autonomy.perception_host import RecordedPerception
 from agribot.autonomy.plan.mission.saved_mission import SavedMission
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.track import Track
-from agribot.core.config import RunConfig, assign, drop_none, from_tree
+from agribot.core.config import RunConfig, assign, from_tree
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
+from agribot.core.toml_tree import drop_none
 from agribot.record.mcap_file import read_attachment
 from agribot.record.mcap_records import read_part_number
 from agribot.record.replay import (

@@ -16,10 +16,10 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from agribot.core.config import read_toml
 from agribot.core.errors import ConfigError, add_advice
 from agribot.core.messages import Row
 from agribot.core.suggestions import suggest_name
+from agribot.core.toml_tree import read_toml
 from agribot.core.world import SoilClass
 
 NonNegative = Annotated[float, msgspec.Meta(ge=0, le=1e3)]

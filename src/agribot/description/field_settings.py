@@ -7,9 +7,9 @@ from typing import Annotated
 
 import msgspec
 
-from agribot.core.config import read_toml
 from agribot.core.errors import ConfigError, DescriptionError
 from agribot.core.geo import Datum
+from agribot.core.toml_tree import read_toml
 from agribot.core.world import SoilClass
 
 # Limits that no field exceeds, so that a typing error cannot exhaust the memory.

@@ -19,6 +19,7 @@ from agribot.cli.main import main
 from agribot.core import config, topics
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
+from agribot.core.toml_tree import drop_none
 from agribot.description.field_generator import generate_field
 from agribot.description.field_settings import (
     CropSettings,
@@ -167,7 +168,7 @@ def test_a_meadow_shows_no_row(labeller: RowLabeller) -> None:
 
 def record(path: Path, images_rgb: list[ByteArray]) -> None:
     file = McapFile(path)
-    settings = config.drop_none(msgspec.to_builtins(config.load("beet")))
+    settings = drop_none(msgspec.to_builtins(config.load("beet")))
     file.attach(CONFIG_ATTACHMENT, "text/plain", tomli_w.dumps(settings).encode())
     file.attach(URDF_ATTACHMENT, "text/xml", export_urdf(config.load("beet").robot).encode())
     for number, image_rgb in enumerate(images_rgb):

@@ -12,8 +12,9 @@ from typing import Any
 import msgspec
 import tomli_w
 
-from agribot.core.config import assign, from_tree, read_toml
+from agribot.core.config import assign, from_tree
 from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.toml_tree import read_toml
 from agribot.core.whole_file import write_at_once
 from agribot.description.package import split_arguments
 

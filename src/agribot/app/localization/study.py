@@ -30,11 +30,12 @@ from agribot.app.localization.mounting import (
     list_mount_notes,
 )
 from agribot.app.localization.time_order import RestampedLog, order_by_stamp
-from agribot.core.config import RunConfig, assign, drop_none, from_tree
+from agribot.core.config import RunConfig, assign, from_tree
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
 from agribot.core.messages import SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
+from agribot.core.toml_tree import drop_none
 from agribot.description.loader import load_robot
 from agribot.record.localization.result import LocalizationRun, LogFacts, SourceFact
 from agribot.record.replay import read_config

@@ -17,13 +17,14 @@ from pathlib import Path
 import msgspec
 import tomli_w
 
-from agribot.core.config import RunConfig, check_finite, read_toml
+from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum, is_place, make_datum
 from agribot.core.home import find_home
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
+from agribot.core.toml_tree import check_finite, read_toml
 from agribot.core.whole_file import write_at_once
 from agribot.drivers.line.schemes import open_source, read_uri
 

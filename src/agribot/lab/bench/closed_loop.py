@@ -20,6 +20,7 @@ import tomli_w
 
 from agribot.core import config
 from agribot.core.config import DEFAULT_MODEL
+from agribot.core.toml_tree import drop_none
 from agribot.core.world import Light, WorldSpec
 from agribot.description.conditions import load_condition_preset
 from agribot.description.field_generator import generate_field
@@ -188,7 +189,7 @@ def _write_preset(name: str) -> str:
     around = msgspec.structs.replace(
         preset, sun_elevation_deg=None, cloud_ratio=(0.0, 0.0), growth_ratio=(1.0, 1.0)
     )
-    return tomli_w.dumps(config.drop_none(msgspec.to_builtins(around)))
+    return tomli_w.dumps(drop_none(msgspec.to_builtins(around)))
 
 
 def _make_plan(condition: Condition) -> FieldSettings:

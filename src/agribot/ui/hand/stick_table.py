@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from agribot.core.config import check_finite
 from agribot.core.errors import ConfigError, add_advice
+from agribot.core.toml_tree import check_finite
 from agribot.ros.joint_step import JointStep
 from agribot.ui import wire
 from agribot.ui.hand.inputs import STILL, HandRequest, Wish
