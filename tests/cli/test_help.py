@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli.main import COMMANDS
+from agribot.cli.main import COMMANDS, main
 from tests.cli.parser_tree import Words, every_parser
 
 PARSERS = every_parser()
@@ -49,6 +50,18 @@ def test_python_runs_the_package_as_the_program() -> None:
     status, said = run("--help")
     assert status == 0
     assert said.startswith("usage: agribot ")
+
+
+@pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("3", "3")])
+def test_numpy_gets_one_thread_unless_the_environment_gives_more(
+    monkeypatch: pytest.MonkeyPatch, given: str | None, threads: str
+) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", given or "")
+    if given is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert os.environ["OPENBLAS_NUM_THREADS"] == threads
 
 
 @pytest.mark.parametrize("words", PARSERS, ids=" ".join)
