@@ -10,9 +10,18 @@ pytest.importorskip("torch")
 import torch
 
 from agribot.core.messages import PlantClass
-from agribot.lab.adapt.balance import OFFSETS, BalanceJudge, find_head
+from agribot.lab.adapt.balance import NAMED_OFFSETS, OFFSETS, BalanceJudge, find_head
+from agribot.lab.adapt.place_names import TaughtPicture
+from agribot.lab.rows.lines import PhotoCamera, PhotoCameras, trace_lines
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.judged_figures import BALANCED
+from tests.lab.rows.drawn_rows import (
+    PLANT_RGB,
+    SIDE_PX,
+    WEED_RGB,
+    draw_field,
+    draw_labels,
+)
 
 SIZE_PX = (32, 32)
 
@@ -34,11 +43,11 @@ class Net(torch.nn.Module):
         return logits
 
 
-def picture() -> tuple[np.ndarray, np.ndarray]:
+def picture(camera: PhotoCamera | None = None) -> TaughtPicture:
     """Show crop, weed and soil in three columns, of pure colours."""
     label = np.full(SIZE_PX, PlantClass.SOIL, np.uint8)
     label[:, :10], label[:, 10:20] = PlantClass.CROP, PlantClass.WEED
-    return (255 * (np.arange(3) == label[..., None])).astype(np.uint8), label
+    return TaughtPicture((255 * (np.arange(3) == label[..., None])).astype(np.uint8), label, camera)
 
 
 def judge() -> BalanceJudge:
@@ -60,6 +69,25 @@ def test_a_network_that_leans_to_one_name_gets_an_offset_that_takes_it_back(
 
 def test_a_network_that_names_both_alike_is_left_alone() -> None:
     assert judge().balance(Net()) == 0.0
+
+
+def test_place_names_what_looks_like_crop_between_rows_without_any_offset() -> None:
+    net = Net(crop=0.5)
+    with torch.no_grad():  # both greens alike are plants, and the brown is soil
+        net.head.weight.copy_(
+            torch.tensor([[-9.0, 9, 0], [-9, 9, 0], [9, -9, 0]])[:, :, None, None]
+        )
+    rows, weeds, size_px = (-1.0, 0.0, 1.0), (-0.5, 0.5), (SIDE_PX, SIDE_PX)
+    field = draw_field(rows, weeds)
+    label = np.full(size_px, PlantClass.SOIL, np.uint8)
+    label[(field == PLANT_RGB).all(axis=2)] = PlantClass.CROP
+    label[(field == WEED_RGB).all(axis=2)] = PlantClass.WEED
+    traced = trace_lines(np.asarray(draw_labels(rows)) > 0)
+    shown = TaughtPicture(field, label, PhotoCameras([traced]).find(traced))
+    by_rows = BalanceJudge([shown], size_px, lambda x: x / 255.0)
+    assert float(by_rows._score(net)[np.abs(OFFSETS).argmin()]) == 0.5
+    assert float(by_rows._score_names(net)[np.abs(NAMED_OFFSETS).argmin()]) > 0.95
+    assert by_rows.balance(net) == 0.0
 
 
 @pytest.mark.parametrize("name", ["agribot-plants", "agribot-sim", "agribot-s"])

@@ -11,7 +11,13 @@ from PIL import Image
 from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.adapt.row_teacher import label_by_rows, measure_green, see_rows, teach
+from agribot.lab.adapt.row_teacher import (
+    find_cameras,
+    label_by_rows,
+    measure_green,
+    see_rows,
+    teach,
+)
 from agribot.lab.dataset.classes import UNLABELLED
 from tests.autonomy.perceive.drawn_rows import draw_cover, draw_photograph, make_rows
 
@@ -69,7 +75,12 @@ def test_rows_are_seen_by_greenness_where_the_network_knows_no_plant(tmp_path: P
     assert len(seen.rows) == 8
     taught = teach(seen, tmp_path / "taught", ignore)
     assert taught.pixel_ratio["crop"] > 0.02
-    assert len(list((tmp_path / "taught" / "masks").iterdir())) == 8
+    names = [path.name for path in sorted((tmp_path / "taught" / "masks").iterdir())]
+    cameras = find_cameras(seen)
+    assert list(cameras) == names
+    for camera in cameras.values():
+        assert camera.horizon_px == pytest.approx(-0.08 * 512, abs=15.0)
+        assert camera.spacing_px == pytest.approx(512 * 0.55 * (2 / 3 + 0.08) / 1.08, rel=0.06)
 
 
 def test_pictures_without_rows_are_refused_with_how_many_show_any(tmp_path: Path) -> None:

@@ -17,11 +17,13 @@ from agribot.autonomy.perceive.segmenter import Segmenter, model_path
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.whole_file import write_at_once
 from agribot.lab.adapt.field_training import Budget, FieldTraining, choose_size_px
+from agribot.lab.adapt.place_names import read_row_pictures
 from agribot.lab.adapt.row_figures import TaughtFigures, draw_sheet, judge_rows
-from agribot.lab.adapt.row_teacher import PASSES, see_rows, teach
+from agribot.lab.adapt.row_teacher import PASSES, find_cameras, see_rows, teach
 from agribot.lab.dataset.photographed_rows import list_photographs
 from agribot.lab.dataset.recorded_rows import PASSES as DRIVE_PASSES
 from agribot.lab.dataset.recorded_rows import RecordedPictures, label_recordings
+from agribot.lab.rows.lines import PhotoCamera
 from agribot.lab.train.card import hash_file
 from agribot.lab.train.fit import load_checkpoint
 from agribot.lab.train.photographs import Pair, find_pairs, read_pair
@@ -35,7 +37,8 @@ TAUGHT, NOTE = "taught", "taught.json"
 class Taught(msgspec.Struct, frozen=True, kw_only=True):
     """Results of rows beside the pictures: a second call goes on with them.
 
-    `files` is a digest of the names and sizes of the source's files.
+    `files` is a digest of the names and sizes of the source's files. `cameras` are those of the
+    pictures, where their rows show them.
     """
 
     source: str
@@ -44,6 +47,7 @@ class Taught(msgspec.Struct, frozen=True, kw_only=True):
     pictures: int = 0
     rows_seen: int = 0
     problems: tuple[str, ...] = ()
+    cameras: dict[str, PhotoCamera] = {}
     cpu_s: float = 0.0
 
 
@@ -62,6 +66,15 @@ class Adaptation(msgspec.Struct, frozen=True, kw_only=True):
     model: str
     sheet: str
     problems: tuple[str, ...]
+
+
+class _Seen(NamedTuple):
+    """What was seen of rows, as `Taught` keeps it."""
+
+    pictures: int
+    rows_seen: int
+    problems: tuple[str, ...]
+    cameras: dict[str, PhotoCamera]
 
 
 class Wanted(NamedTuple):
@@ -99,18 +112,21 @@ def adapt(wanted: Wanted, listener: Listener) -> Adaptation:
         f"choose the best network, {len(aside)} judge it, and {len(pairs)} teach"
     )
     network = Segmenter(base)
-    before = judge_rows(network, map(read_pair, aside))
+    before = judge_rows(network, read_row_pictures(aside, taught.cameras))
     size_px = choose_size_px(network, [read_pair(pair)[1].shape[:2] for pair in aside])
-    # Judging again costs about as much as what was done since the rows were found.
-    spent_s = 2.0 * (earlier_s + time.process_time()) - taught.cpu_s
-    budget = _leave(wanted.budget, spent_s / 60.0)
-    trained = training.run(pairs, choosing, budget, size_px, wanted.out, listener.show_line)
+    budget = wanted.budget
+    if not training.is_begun:
+        # Judging again costs about as much as what was done since the rows were found.
+        spent_s = 2.0 * (earlier_s + time.process_time()) - taught.cpu_s
+        budget = _leave(budget, spent_s / 60.0)
+    chosen_by = list(read_row_pictures(choosing, taught.cameras))
+    trained = training.run(pairs, chosen_by, budget, size_px, wanted.out, listener.show_line)
     adapted = Segmenter(wanted.out)
     return Adaptation(
         pictures=taught.pictures,
         rows_seen=taught.rows_seen,
         before=before,
-        after=judge_rows(adapted, map(read_pair, aside)),
+        after=judge_rows(adapted, read_row_pictures(aside, taught.cameras)),
         steps=trained.step,
         model=str(wanted.out),
         sheet=str(_draw(wanted.out, aside, network, adapted)),
@@ -203,32 +219,24 @@ def _teach(wanted: Wanted, base: Path, folder: Path, listener: Listener, note: T
     started_s = time.process_time()
     is_drive = not wanted.source.is_dir() or find_recording(wanted.source).exists()
     see = _see_drive if is_drive else _see_photographs
-    pictures, rows_seen, problems = see(wanted.source, base, folder / TAUGHT, listener)
-    taught = msgspec.structs.replace(
-        note,
-        pictures=pictures,
-        rows_seen=rows_seen,
-        problems=problems,
-        cpu_s=time.process_time() - started_s,
-    )
+    seen = see(wanted.source, base, folder / TAUGHT, listener)
+    cpu_s = time.process_time() - started_s
+    taught = msgspec.structs.replace(note, **seen._asdict(), cpu_s=cpu_s)
     write_at_once(folder / NOTE, msgspec.json.encode(taught))
     return taught
 
 
-def _see_drive(
-    source: Path, base: Path, out: Path, listener: Listener
-) -> tuple[int, int, tuple[str, ...]]:
+def _see_drive(source: Path, base: Path, out: Path, listener: Listener) -> _Seen:
     recording = RecordedPictures(source)
     count = listener.start_count(DRIVE_PASSES * len(recording))
     report = label_recordings([recording], out, count)
-    return report.pictures, report.labelled, ()
+    return _Seen(report.pictures, report.labelled, (), {})
 
 
-def _see_photographs(
-    source: Path, base: Path, out: Path, listener: Listener
-) -> tuple[int, int, tuple[str, ...]]:
+def _see_photographs(source: Path, base: Path, out: Path, listener: Listener) -> _Seen:
     _, paths, left_out = list_photographs(source)
     count = listener.start_count(PASSES * len(paths))
     seen = see_rows(paths, Segmenter(base), count)
     teach(seen, out, lambda done: count(len(paths) + done))
-    return len(paths) + len(left_out), len(seen.rows), (*left_out, *seen.problems)
+    problems = (*left_out, *seen.problems)
+    return _Seen(len(paths) + len(left_out), len(seen.rows), problems, find_cameras(seen))

@@ -14,6 +14,7 @@ from torch import nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.lab.adapt.balance import BalanceJudge
+from agribot.lab.adapt.place_names import TaughtPicture
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.card import hash_file
 from agribot.lab.train.export import export_onnx
@@ -28,7 +29,7 @@ from agribot.lab.train.loader import BatchSource
 from agribot.lab.train.networks import STRIDE_PX
 from agribot.lab.train.photo_batches import ALONG_ROWS, PhotoBatches
 from agribot.lab.train.photo_mixing import draw_plants, mix_with_plants
-from agribot.lab.train.photographs import Pair, PairFiles, read_pair
+from agribot.lab.train.photographs import Pair, PairFiles
 from agribot.lab.train.start import recognise_architecture
 
 # Weights of weed, crop and soil: with equal ones everything becomes crop, since weeds between rows
@@ -55,10 +56,15 @@ class FieldTraining:
         self._base, self._folder, self._seed = base, folder, seed
         self.model = recognise_architecture(base)
 
+    @property
+    def is_begun(self) -> bool:
+        """Whether an earlier call has begun to learn, and so fixed the steps."""
+        return load_checkpoint(self._folder) is not None
+
     def run(
         self,
         pairs: Sequence[Pair],
-        choosing: Sequence[Pair],
+        choosing: Sequence[TaughtPicture],
         budget: Budget,
         size_px: tuple[int, int],
         out: Path,
@@ -73,7 +79,7 @@ class FieldTraining:
         batches = self._make_batches(pairs, plan, size_px, progress)
         plan = msgspec.structs.replace(plan, steps=self._count_steps(budget, batches, plan))
         features = find_architecture(self.model).features
-        judge = BalanceJudge([read_pair(pair) for pair in choosing], size_px, features)
+        judge = BalanceJudge(choosing, size_px, features)
         trainer = Trainer(plan, batches, self._folder, start=self._base, judge=judge)
         network = trainer.run(progress)
         progress(f"logit of weed moved by {judge.balance(network):+.1f}")

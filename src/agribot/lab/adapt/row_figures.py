@@ -13,10 +13,10 @@ from agribot.autonomy.perceive.pictures import classify
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.whole_file import make_at_once
+from agribot.lab.adapt.place_names import PlaceNames, TaughtPicture
 from agribot.lab.dataset.pictures import resize_nearest
 from agribot.lab.rows.labelled import Regions
 from agribot.lab.rows.scores import NameScores, Shares, share
-from agribot.lab.train.data import LabelledImage
 
 LOWER_RATIO = 0.7  # lower share of a picture's height, in which plants are judged
 SHEET_WIDTH_PX = 360  # width of each picture of a sheet
@@ -60,11 +60,11 @@ class RowTally:
         )
 
 
-def judge_rows(segmenter: Segmenter, pairs: Iterator[LabelledImage]) -> TaughtFigures:
-    """Judge a network on pictures and what their rows say."""
-    tally = RowTally()
-    for image_rgb, label in pairs:
-        tally.add(classify(segmenter, image_rgb).class_id, label)
+def judge_rows(segmenter: Segmenter, pictures: Iterator[TaughtPicture]) -> TaughtFigures:
+    """Judge how a robot with this network names plants, on pictures and what their rows say."""
+    tally, names = RowTally(), PlaceNames()
+    for picture in pictures:
+        tally.add(*names.name(classify(segmenter, picture.image_rgb), picture))
     return tally.make_figures()
 
 

@@ -28,6 +28,13 @@ from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.lab.dataset.classes import UNLABELLED
 from agribot.lab.dataset.pictures import PictureError, read_picture
 from agribot.lab.dataset.taught_set import TaughtSet
+from agribot.lab.rows.labelled import SIDE_PX
+from agribot.lab.rows.lines import (
+    HIGHEST_HORIZON_PX,
+    JUDGED_AT_PX,
+    LOWEST_HORIZON_PX,
+    PhotoCamera,
+)
 from agribot.record.picture_files import reduce_width
 
 Progress = Callable[[int], None]
@@ -107,8 +114,30 @@ def teach(seen: SeenRows, out: Path, progress: Progress) -> TaughtSet:
     taught = TaughtSet(out)
     for number, (path, image_rgb) in enumerate(_read(list(seen.rows), [], progress)):
         label = label_by_rows(measure_green(image_rgb), seen.rows[path])
-        taught.add(f"{number:05d}-{path.stem}.png", _encode(image_rgb), label)
+        taught.add(_name_taught(number, path), _encode(image_rgb), label)
     return taught
+
+
+def find_cameras(seen: SeenRows) -> dict[str, PhotoCamera]:
+    """Find the camera of each picture that `teach` writes, by its name: one horizon for all."""
+    if not seen.rows:
+        return {}
+    horizon_px = SIDE_PX * float(np.median([rows.down_ratio for rows in seen.rows.values()]))
+    horizon_px = min(max(horizon_px, HIGHEST_HORIZON_PX), LOWEST_HORIZON_PX)
+    return {
+        _name_taught(number, path): PhotoCamera(horizon_px, _measure_spacing_px(rows))
+        for number, (path, rows) in enumerate(seen.rows.items())
+    }
+
+
+def _measure_spacing_px(rows: PictureRows) -> float:
+    """Measure how far apart rows are in the picture row JUDGED_AT_PX."""
+    nearer = (JUDGED_AT_PX / SIDE_PX - rows.down_ratio) / (1.0 - rows.down_ratio)
+    return SIDE_PX * rows.spacing_ratio * nearer
+
+
+def _name_taught(number: int, path: Path) -> str:
+    return f"{number:05d}-{path.stem}.png"
 
 
 def _read(
