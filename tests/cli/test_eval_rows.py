@@ -61,7 +61,7 @@ def test_eval_of_rows_reports_what_stands_on_and_between_them(
 def test_eval_of_rows_pools_the_pixels_of_all_pictures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    use_network(monkeypatch, ColourNetwork(weed=PlantClass.CROP))
+    use_network(monkeypatch, ColourNetwork(weed=PlantClass.SOIL))
     pictures = {"1": draw_field(ROWS, WEEDS), "2": draw_field(ROWS)}
     folder = write_rows(tmp_path, pictures, ROWS)
     assert main(["eval", str(folder), "--data", "rows", "--json"]) == 0

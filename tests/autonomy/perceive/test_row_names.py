@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from agribot.autonomy.perceive.row_names import find_spread, locate_cells, name_
 from agribot.autonomy.perceive.stems import CELL_PX, Stems
 from agribot.core.config import PerceptionConfig
 from agribot.core.messages import CameraFrame, PlantClass
+from tests.autonomy.perceive.drawn_rows import PLANT_RGB, SOIL_RGB
 from tests.autonomy.perceive.test_far_row_line import (
     FRONT,
     PITCH_M,
@@ -70,8 +72,8 @@ def find_shares(
         (0.5, CROP, 0.95, WEED),
         (0.5, WEED, 0.6, WEED),
         (0.0, WEED, 0.6, CROP),
-        (0.0, WEED, 0.95, WEED),
-        (0.15, CROP, 0.8, CROP),
+        (0.0, WEED, 0.99, WEED),
+        (0.15, CROP, 0.9, CROP),
     ],
     ids=[
         "crop-between", "sure-crop-between", "weed-between", "doubtful-weed-in-row",
@@ -98,6 +100,21 @@ def test_soil_stays_soil() -> None:
     is_soil = class_map.class_id == SOIL
     assert (named.class_id[is_soil] == SOIL).all()
     assert (named.confidence[is_soil] == class_map.confidence[is_soil]).all()
+
+
+def test_a_leaf_that_the_network_missed_is_named_by_its_place() -> None:
+    class_map = draw_plants(0.5, CROP, 0.8)
+    rows_m = np.abs(FRONT.y_body_m / PITCH_M - np.round(FRONT.y_body_m / PITCH_M)) < 0.05
+    is_missed = (class_map.class_id == CROP) & rows_m & (FRONT.x_body_m < 1.2)
+    missing = msgspec.structs.replace(
+        class_map,
+        class_id=np.where(is_missed, SOIL, class_map.class_id).astype(np.uint8),
+        confidence=np.where(is_missed, np.uint8(150), class_map.confidence),
+    )
+    image_rgb = np.where((class_map.class_id != SOIL)[..., None], PLANT_RGB, SOIL_RGB)
+    named = name_by_rows(missing, FRONT, make_rows(), image_rgb.astype(np.uint8))
+    assert is_missed.sum() > 100
+    assert (named.class_id[is_missed] == CROP).mean() > 0.95
 
 
 def test_leaves_that_close_the_space_between_rows_are_no_weeds() -> None:

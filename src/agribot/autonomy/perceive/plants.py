@@ -97,7 +97,7 @@ def observe(
     """Make the scene of a frame that is fit, from the class map of its image."""
     seen = see_row_line(class_map, ground, frame.t_s, frame.image_rgb)
     if seen is not None and seen.far is not None:
-        class_map = name_by_rows(class_map, ground, seen.far)
+        class_map = name_by_rows(class_map, ground, seen.far, frame.image_rgb)
     if on_names is not None:
         on_names(class_map)
     return _describe(frame, class_map, ground, config, ready_s, seen)

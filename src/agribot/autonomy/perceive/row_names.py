@@ -3,7 +3,8 @@
 A network names a plant by its look. Where rows are seen, its place is a second witness: crop stands
 along rows, weeds stand anywhere. Leaves are named by the look of their plant and by their own
 place, since those between rows are seldom of the plant that they are counted to; how far leaves of
-crop reach from their row, each picture shows.
+crop reach from their row, each picture shows. Looks of one picture err together, so that they count
+less than independent witnesses. Leaves that the network calls soil are named by their place alone.
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ import numpy.typing as npt
 from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.far_row_line import FarLine
 from agribot.autonomy.perceive.far_view import FOLIAGE_M, LEAST_SINK_RATIO
+from agribot.autonomy.perceive.green_leaves import find_green_leaves
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plant_names import LEAST_SHARE, MOST_SHARE, rename
 from agribot.autonomy.perceive.stems import CELL_PX, Stems, share_kinds
-from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.messages import ByteArray, FloatArray, PlantClass
 
 # Spread of leaves of crop about their row, in spacings: what is tried on a picture, the likeliest
 # before anything is seen, and 1 sigma of its logarithm. Share of crop that stands anywhere.
 SPREADS, USUAL_SPREAD, SPREAD_STD_RATIO = np.geomspace(0.06, 0.4, 9), 0.1, 0.7
 ANYWHERE_RATIO = 0.03
+# Share of a look's log-odds that counts, and the log-odds of crop of what looks like both.
+LOOK_SHARE, CROP_ODDS = 0.5, 0.25
 # Independent plants as which a picture counts, and the most and fewest cells that are looked at.
 PLANTS, MOST_CELLS, FEWEST_CELLS = 100.0, 500, 20
 TURNS = np.arange(-2.0, 3.0)  # neighbouring rows whose crop counts, too
@@ -53,19 +57,35 @@ class RowPlaces(NamedTuple):
         return np.nan_to_num(odds, nan=0.0)
 
 
-def name_by_rows(class_map: ClassMap, ground: GroundLookup, far: FarLine) -> ClassMap:
-    """Name the plants of a map by their look and by their place beside the rows of `far`."""
+def name_by_rows(
+    class_map: ClassMap, ground: GroundLookup, far: FarLine, image_rgb: ByteArray | None = None
+) -> ClassMap:
+    """Name the plants of a map by their look and by their place beside the rows of `far`.
+
+    The picture (H, W, 3) of the map, if given, shows leaves that the network calls soil.
+    """
     is_plant = class_map.class_id != PlantClass.SOIL
-    sure = class_map.confidence / 255.0
-    look = find_log_odds(np.where(class_map.class_id == PlantClass.CROP, sure, 1.0 - sure))
+    look = np.where(is_plant, _find_look(class_map), CROP_ODDS)
     places = locate_cells(ground, far)
     spread = find_spread(look[MIDDLES, MIDDLES], places, is_plant[MIDDLES, MIDDLES])
     place = places.find_odds(spread)
+    if image_rgb is not None:
+        is_plant |= find_green_leaves(class_map, image_rgb)
     named = _paint(class_map, look + _enlarge(place, look.shape), is_plant)
     if class_map.owned is None:
         return named
     stems = _rename_stems(class_map.owned.stems, place)
     return msgspec.structs.replace(named, owned=class_map.owned._replace(stems=stems))
+
+
+def _find_look(class_map: ClassMap) -> FloatArray:
+    """Find the log-odds of crop that the looks of plants (h, w) give."""
+    sure = class_map.confidence / 255.0
+    return _weigh_look(np.where(class_map.class_id == PlantClass.CROP, sure, 1.0 - sure))
+
+
+def _weigh_look(shares: FloatArray) -> FloatArray:
+    return LOOK_SHARE * find_log_odds(shares) + CROP_ODDS
 
 
 def locate_cells(ground: GroundLookup, far: FarLine) -> RowPlaces:
@@ -140,6 +160,6 @@ def _rename_stems(stems: Stems, place: FloatArray) -> Stems:
         np.clip(at_px // CELL_PX, 0, count - 1).astype(np.intp)
         for at_px, count in zip(stems.uv_px.T, place.shape[::-1], strict=True)
     )
-    look = find_log_odds(share_kinds(stems.kind_scores)[:, PlantClass.CROP])
+    look = _weigh_look(share_kinds(stems.kind_scores)[:, PlantClass.CROP])
     crop = _find_shares(look + place[row, column])
     return rename(stems, np.column_stack([1.0 - crop, crop]))

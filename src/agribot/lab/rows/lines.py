@@ -182,7 +182,7 @@ class PhotoGround:
         line = self._measure(seen, seen.line.offset_m, seen.line.heading_rad)
         if seen.far is None:
             return NamedPicture(line, classes)
-        named = name_by_rows(class_map, self._ground, seen.far)
+        named = name_by_rows(class_map, self._ground, seen.far, image_rgb)
         return NamedPicture(line, PictureClasses(named.class_id, named.confidence))
 
     def _measure(self, seen: SeenRowLine, offset_m: float, heading_rad: float) -> FoundLine:
