@@ -73,7 +73,7 @@ def test_what_is_dropped_is_not_heard_of_and_a_refusal_is_told() -> None:
     assert said == []
     desk.ask(1.0, refuse, 0.1, said.append, lambda error: said.append(str(error)))
     desk.look(1.1)
-    assert said == ["no way"]
+    assert said == [str(MissionError(Said("no way")))]
     desk.ask(2.0, lambda: "at once", 0.0, said.append, lambda _: None)
     assert said[-1] == "at once"
     host.close()

@@ -13,8 +13,10 @@ from agribot.autonomy.perceive.plant_names import name_plants
 from agribot.autonomy.perceive.plants import look, observe
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.config import PerceptionConfig
+from agribot.core.facts import PlantsStrange
 from agribot.core.messages import ByteArray, CameraFrame, Scene
 from agribot.description.loader import load_robot
+from tests.finding import find
 
 SETTINGS, SHAPE = PerceptionConfig(), (480, 640)
 SKIN, HAIR, WALL, SHIRT = (215, 170, 140), (70, 45, 30), (150, 160, 170), (60, 110, 60)
@@ -86,5 +88,5 @@ def test_a_face_is_no_plant_that_the_network_knows(
     segmenter: Segmenter, ground: GroundLookup
 ) -> None:
     scene = see(segmenter, ground, look, draw_face())
-    assert scene.unfit.startswith("the network does not know these plants in this light, doubt ")
+    assert find(scene.unfit_fact, PlantsStrange).doubt == pytest.approx(1.0, abs=0.01)
     assert scene.plants == ()

@@ -134,7 +134,7 @@ def test_a_robot_that_a_whole_charge_brings_nowhere_ends_its_mission(tmp_path: P
     outcome = go_on(assignment, lambda: False)
     assert outcome is not None and outcome.report is not None, outcome
     assert not outcome.report.ok
-    assert "called by the battery" in outcome.report.reason
+    assert render(CameToBeCharged()) in outcome.report.reason
     assert len(list_parts(assignment.out_dir)) > 1
 
 
