@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.core.fact_text import render
+from agribot.core.facts import BoardHung, BoardStopped, Fact
 from agribot.core.messages import (
     ClearStop,
     DriveCommand,
@@ -25,6 +25,7 @@ from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine, main, name_source
 from firmware.build import PREBUILT
 from tests import nightly
+from tests.finding import holds
 from tests.firmware.board_on_bench import REST, command, configure
 from tests.waiting import wait_for
 
@@ -136,8 +137,8 @@ def turns(batch: SensorBatch) -> bool:
     return bool(batch.wheels) and min(batch.wheels[-1].speed_radps) > 1.0
 
 
-def tell(batch: SensorBatch) -> str:
-    return " ".join(f"{render(board.stop)} {render(board.fault)}" for board in batch.board)
+def tells(batch: SensorBatch, why: Fact) -> bool:
+    return any(holds(board.stop, why) or holds(board.fault, why) for board in batch.board)
 
 
 def plug_in_anew(mega: Mega) -> None:
@@ -148,27 +149,27 @@ def plug_in_anew(mega: Mega) -> None:
 @pytest.mark.parametrize(
     ("harm", "why"),
     [
-        (plug_in_anew, "it was switched on, or reset"),
+        (plug_in_anew, BoardStopped(("began",))),
         pytest.param(
             lambda mega: mega.line.do(mega.bench.reset),
-            "it was switched on, or reset",
+            BoardStopped(("began",)),
             marks=nightly.by_day(
                 "tests/firmware/test_motor_board.py::test_behind_the_bootloader_of_a_mega_it_tells"
                 "_a_reset_by_its_watchdog_from_one_by_its_button"
             ),
         ),
-        (lambda mega: mega.line.do(mega.bench.hang), "its watchdog reset it"),
+        (lambda mega: mega.line.do(mega.bench.hang), BoardHung()),
     ],
     ids=["plugged in anew", "reset by its button", "hung"],
 )
 def test_a_board_behind_the_bootloader_of_a_mega_comes_up_and_does_again_whatever_befalls_it(
-    harm: Callable[[Mega], None], why: str, mega: Mega
+    harm: Callable[[Mega], None], why: Fact, mega: Mega
 ) -> None:
     driver = Driver(mega)
     try:
         driver.drive_until(turns)
         harm(mega)
-        driver.drive_until(lambda batch: why in tell(batch))
+        driver.drive_until(lambda batch: tells(batch, why))
         driver.drive_until(turns)
     finally:
         driver.platform.close()

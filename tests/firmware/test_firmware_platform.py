@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import ANY
 
 import pytest
 
@@ -15,10 +16,28 @@ from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.app.whole_job import read_job
 from agribot.core import config
-from agribot.core.facts import BoardHung, BoardStopped
+from agribot.core.facts import (
+    BatteryEmpty,
+    BoardHoldsStop,
+    BoardHung,
+    BoardStopped,
+    ButtonPressed,
+    ClockJumped,
+    ContactorSilent,
+    Fact,
+    InputSilent,
+    LineNoisy,
+    MotorsReportFault,
+    SensorSilent,
+    Touched,
+    WheelsReversed,
+    WheelsWrong,
+)
 from agribot.core.messages import ClearStop, GnssQuality, TickRecord, Visit, Who
 from agribot.record import run_files
+from agribot.record.events import read_events
 from tests import machine, nightly
+from tests.finding import find, holds
 
 SETTINGS = ["perception.enabled=false", "seed=3"]
 M_PER_DEG = 111_320.0
@@ -106,7 +125,7 @@ def test_a_touch_passes_through_contact_and_firmware_and_stops_the_robot(tmp_pat
     ticks, _ = drive(tmp_path / "run", "firmware", 6.0, "faults=bumper.contact@4")
     (first,) = [t for t in ticks if t.batch.bumper][:1]
     assert 4.0 <= first.batch.t_s < 4.1
-    assert "bumper touches something in front" in ticks[-1].status.stopped
+    assert find(ticks[-1].status.stopped_fact, Touched).end == "front"
     assert ticks[-1].batch.board[-1].stop == BoardStopped(("bumper",))
     assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
 
@@ -116,12 +135,12 @@ def test_a_mission_that_was_cut_off_in_a_stop_goes_on_stopped_until_a_person_cle
 ) -> None:
     drive(tmp_path / "run", "firmware", 3.5, "faults=button.pressed@3")
     saved = read_mission(tmp_path / "run")
-    assert "red button" in saved.stopped
+    assert saved.stopped_fact == ButtonPressed()
     settings = config.load("farm", [*SETTINGS, "platform=firmware", "duration_s=2"])
     with simulate(settings, tmp_path / "again", saved, read_job(tmp_path / "run", saved)) as run:
         for record in run.ticks():
             if record.batch.t_s < 1.5:
-                assert "red button" in record.status.stopped
+                assert record.status.stopped_fact == ButtonPressed()
                 assert record.command.drive.v_mps == record.command.drive.yaw_rate_radps == 0.0
                 assert record.batch.board[-1].stop or record.batch.t_s < 0.5
             if round(record.batch.t_s, 2) == 1.5:
@@ -155,26 +174,26 @@ def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
     speeds = [max(map(abs, sample.speed_radps)) for sample in back.batch.wheels]
     since_s = [sample.t_s - before.batch.t_s for sample in back.batch.wheels]
     assert max(t_s for t_s, speed in zip(since_s, speeds, strict=True) if speed > 0.2) < 0.8
-    assert "the robot's program stood still" in ticks[-1].status.stopped
+    assert find(ticks[-1].status.stopped_fact, ClockJumped).off_s == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "found"),
     [
-        ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
-        ("board.silent@3", ("wheel encoders silent",)),
-        ("inputs.silent@3", ("the red button is not reported",)),
-        ("contactor.silent@3", ("the contactor does not answer",)),
+        ("motor.runaway@3", WheelsWrong(ANY, "fast", ANY, ANY)),
+        ("board.silent@3", SensorSilent("wheels", ANY, 0.3, ANY)),
+        ("inputs.silent@3", InputSilent("red button", ANY, 0.3)),
+        ("contactor.silent@3", ContactorSilent(ANY, 0.3)),
         pytest.param(
             "button.pressed@3",
-            ("the red button is pressed",),
+            ButtonPressed(),
             marks=nightly.by_day(
                 "test_a_mission_that_was_cut_off_in_a_stop_goes_on_stopped_until_a_person_clears_it"
             ),
         ),
         pytest.param(
             "wheels.stuck=left_wheel_F@3",
-            ("left front",),
+            WheelsWrong(("left_wheel_F",), "stand", ANY, ANY),
             marks=nightly.by_day(
                 "tests/firmware/test_motor_board.py"
                 "::test_a_wheel_that_does_not_turn_stops_all_and_is_named"
@@ -182,7 +201,7 @@ def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
         ),
         pytest.param(
             "wheels.reversed@3",
-            ("turn against the motor",),
+            WheelsReversed(ANY),
             marks=nightly.by_day(
                 "tests/firmware/test_motor_board.py::test_encoders_that_turn_round_under_way"
                 "_stop_all_wheels_within_a_fifth_of_a_second"
@@ -190,7 +209,7 @@ def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
         ),
         pytest.param(
             "imu.unplugged@3",
-            ("IMU silent",),
+            SensorSilent("imu", ANY, ANY, ANY),
             marks=nightly.by_day(
                 "tests/firmware/test_motor_board.py"
                 "::test_an_unplugged_imu_is_told_costs_no_state_and_comes_back"
@@ -198,7 +217,7 @@ def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
         ),
         pytest.param(
             "board.hung@3",
-            ("motor board: it hung, and its watchdog reset it",),
+            BoardHung(),
             marks=nightly.by_day(
                 "test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_cleared"
             ),
@@ -206,24 +225,24 @@ def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
     ],
 )
 def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
-    fault: str, words: tuple[str, ...], tmp_path: Path
+    fault: str, found: Fact, tmp_path: Path
 ) -> None:
     ticks, _ = drive(tmp_path / "run", "firmware", 4.5, f"faults={fault}")
     before = [t for t in ticks if t.batch.t_s < 3.0]
     assert before[-1].command.drive.v_mps > 0.2 and not before[-1].status.stopped
-    told = f"{ticks[-1].status.stopped} {ticks[-1].status.gate.warning}"
-    assert any(word in told for word in words), told
+    status = ticks[-1].status
+    assert holds(status.stopped_fact, found) or holds(status.gate.warning_fact, found), status
     (first,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
     assert first - 3.0 < 1.0
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "found"),
     [
-        ("motor.dead=left_wheel_F@5", "left front motor reports a fault"),
+        ("motor.dead=left_wheel_F@5", MotorsReportFault(("left_wheel_F",))),
         pytest.param(
             "motor.weak=0.005@5",
-            "right front",
+            WheelsWrong(("right_wheel_F",), ANY, ANY, ANY),
             marks=nightly.by_day(
                 "tests/drivers/test_motor_watch.py"
                 "::test_a_motor_that_lets_little_through_is_named_within_half_a_second"
@@ -232,19 +251,20 @@ def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
     ],
 )
 def test_a_motor_that_does_not_work_is_named_within_a_second_of_a_turn(
-    fault: str, words: str, tmp_path: Path
+    fault: str, found: Fact, tmp_path: Path
 ) -> None:
     ticks, _ = drive(tmp_path / "run", "firmware", 8.0, f"faults={fault}")
     (first,) = [t for t in ticks if t.status.stopped][:1]
-    assert words in first.status.stopped
+    assert holds(first.status.stopped_fact, found)
     turning = [t for t in ticks if t.batch.t_s > 5.0 and t.command.drive.yaw_rate_radps < -0.3]
     assert first.batch.t_s - turning[0].batch.t_s < 1.0
 
 
-def read_faults(out: Path) -> list[tuple[float, str]]:
-    """Reports about sensors and lines, with their times."""
-    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
-    return [(e["t_s"], e["reason"]) for e in events if e["kind"] == "fault"]
+def list_noise(ticks: list[TickRecord], device: str) -> list[tuple[float, int]]:
+    """Reports of a noisy line: their times, and how many messages were broken."""
+    notes = [note for tick in ticks for note in tick.batch.notes]
+    return [(note.t_s, note.fact.count) for note in notes
+            if isinstance(note.fact, LineNoisy) and note.fact.device == device]  # fmt: skip
 
 
 @nightly.by_day(
@@ -261,7 +281,7 @@ def test_an_empty_battery_stops_the_robot_and_then_its_board_cuts_the_motors_off
     (stopped_s,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
     (cut_s,) = [t.batch.t_s for t in ticks if t.batch.board and t.batch.board[-1].stop
                 and t.batch.t_s > 2.0][:1]  # fmt: skip
-    assert 7.0 <= stopped_s < 8.5 and "battery empty" in ticks[-1].status.stopped
+    assert 7.0 <= stopped_s < 8.5 and holds(ticks[-1].status.stopped_fact, BatteryEmpty)
     assert cut_s > stopped_s
     assert ticks[-1].batch.board[-1].stop == BoardStopped(("battery",))
 
@@ -278,7 +298,7 @@ def test_a_board_cuts_the_motors_off_by_itself_where_nobody_else_looks_at_the_ba
         tmp_path / "run", "firmware", 15.0, "faults=battery.empty@2",
         "safety.empty_charge_ratio=0", "safety.low_charge_ratio=0", "mission.speed_mps=0.15",
     )  # fmt: skip
-    assert ticks[-1].status.stopped.startswith("the motor board holds a stop: its battery is too")
+    assert holds(ticks[-1].status.stopped_fact, BoardHoldsStop(cause=BoardStopped(("battery",))))
     assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
 
 
@@ -290,15 +310,16 @@ def test_readings_of_the_imu_that_wait_on_the_line_keep_their_times_and_are_repo
     ages_s = [t.batch.t_s - t.batch.imu[-1].t_s for t in ticks if t.batch.imu]
     assert min(ages_s[:90]) < 0.02
     assert ages_s[-1] == pytest.approx(late_s, abs=0.02), "also when seconds have passed"
-    assert any(f"IMU samples come {late_s:.2f} s late" in said
-               for _, said in read_faults(tmp_path / "run"))  # fmt: skip
+    events = read_events(tmp_path / "run" / "events.jsonl")
+    told_s = [event.numbers["late_s"] for event in events if event.code == "imu_late"]
+    assert told_s[0] == pytest.approx(late_s, abs=0.005)
     assert not ticks[-1].status.stopped
 
 
 def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path) -> None:
     ticks, _ = drive(tmp_path / "run", "firmware", 4.5, "faults=link.noise=0.05@2")
-    (first, *_) = read_faults(tmp_path / "run")
-    assert 2.0 < first[0] < 4.0 and "the link to the motor board broke 3 messages" in first[1]
+    (first_s, count), *_ = list_noise(ticks, "board")
+    assert 2.0 < first_s < 4.0 and count == 3
     assert not ticks[-1].status.stopped
     samples = [w for t in ticks for w in t.batch.wheels]
     assert 0.85 < len(samples) / (2 * len(ticks)) < 0.99
@@ -343,8 +364,7 @@ def test_noise_on_the_line_of_the_receiver_costs_fixes_moves_none_and_is_told(
         for a, b in itertools.pairwise(fixes)
     ]
     assert max(steps_m) < 0.3, "no false bit becomes a place"
-    told = [said for t_s, said in read_faults(tmp_path / "run") if t_s > 2.0]
-    assert any("link to the receiver broke 3 messages" in said for said in told)
+    assert 3 in [count for t_s, count in list_noise(ticks, "receiver") if t_s > 2.0]
 
 
 def test_the_first_readings_of_the_compass_are_of_the_world(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 from agribot.app.open_run import open_run
 from agribot.cli.main import main
 from agribot.core import config
+from agribot.core.facts import ButtonPressed
 from agribot.core.geo import MapFrame
 from agribot.core.messages import ClearStop, GnssQuality, Who
 from agribot.record.replay import read_ticks
@@ -25,6 +26,7 @@ from tests.drivers.gpsd_daemon import Daemon
 from tests.drivers.lines import Line
 from tests.drivers.moving_robot import COUNTS_PER_TURN, MovingRobot
 from tests.drivers.slow_clock import PACES, run_agribot
+from tests.finding import holds
 from tests.firmware.robot_on_line import RobotOnLine
 
 OPTIONS = "counts_per_turn=2048&full_speed_radps=30"
@@ -50,13 +52,13 @@ def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_fi
                     assert record.batch.battery
                     bench.set_estop(pressed=True)
                     is_pressed = True
-                if is_pressed and "red button is pressed" in record.status.stopped:
+                if is_pressed and holds(record.status.stopped_fact, ButtonPressed):
                     break
                 if record.status.stopped:  # a busy machine: the board's patience is 0.3 s
                     run.inbox.post(ClearStop())
                 assert record.batch.t_s < 60.0, record.status
             assert is_pressed and has_imu
-            assert "red button is pressed" in record.status.stopped
+            assert holds(record.status.stopped_fact, ButtonPressed)
             assert record.command.drive.v_mps == 0.0
     assert not any(bench.duty_ratio)
     bench.close()

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from agribot.core.fact_text import render
+from agribot.core.facts import BoardStopped
 from agribot.drivers.line.byte_streams import SerialStream
 from agribot.drivers.probe.line_answers import LineAnswer
 from agribot.drivers.probe.line_probe import LineProbe, order_bauds
@@ -43,7 +45,7 @@ def test_the_motor_board_tells_version_flags_and_battery(bench: AvrBench) -> Non
     answer = probe(bench)
     assert (answer.kind, answer.use, answer.is_good) == ("motor board", "base", True)
     assert {"NOT_CONFIGURED", "STOP_LATCHED"} <= set(answer.numbers["flags"])
-    assert "it was switched on, or reset" in answer.detail
+    assert render(BoardStopped(("began",))) in answer.detail
     assert answer.numbers["battery_v"] > 0.0
     assert not any(bench.duty_ratio), "no wheel is driven"
 
