@@ -12,6 +12,7 @@ from pathlib import Path
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.run import bridging
 from agribot.core import config
+from agribot.core.fact_text import render
 from tests.waiting import PATIENCE_S
 
 SETTINGS = ("perception.enabled=false", "record.enabled=false", "mission.waits_for_goals=true")
@@ -41,3 +42,9 @@ def driven_robot(
             finally:
                 over.set()
                 driver.join(PATIENCE_S)
+
+
+def list_texts(session: SimulatedRun, *codes: str) -> list[str]:
+    """List the texts of the facts in its log that are, or hold, one of these codes."""
+    events = session.event_log.list_since(0)
+    return [render(event.fact) for event in events if {event.code, *event.causes} & {*codes}]

@@ -11,6 +11,7 @@ import pytest
 
 from agribot.core import topics
 from agribot.core.errors import BridgeError
+from agribot.core.fact_text import render
 from agribot.core.facts import Said
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.inbound_topics import CLICKED_POINT, COMMAND, GOAL_POSE, INITIAL_POSE, VISIT
@@ -184,10 +185,11 @@ def test_a_goal_that_the_robot_drives_past_is_driven_to() -> None:
 def test_what_the_mission_refuses_aborts_the_goal_with_its_words() -> None:
     robot = Robot()
     (event,) = robot.goal("map", 5.0, 1.0)
-    record = tick(0.0, RequestAnswer(id=event.request.id, fact=Said("goal refused: on crop")))
+    refusal = Said("goal refused: on crop")
+    record = tick(0.0, RequestAnswer(id=event.request.id, fact=refusal))
     robot.link(record)
     assert robot.goals.step(record) == []
-    assert robot.changes == [("pending", ""), ("aborted", "goal refused: on crop")]
+    assert robot.changes == [("pending", ""), ("aborted", render(refusal))]
 
 
 def test_a_visit_is_its_places_in_order() -> None:

@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from agribot.app.simulated_run import SimulatedRun
+from agribot.core.fact_text import render
+from agribot.core.facts import NothingPlanned, NotResumed, RowNotSkipped, StopHolds
 from agribot.ros.ros1.action_types import ACTION_FEEDBACK, ACTION_GOAL, ACTION_RESULT, GOAL_ID
 from agribot.ros.ros1.service_server import SET_BOOL, TRIGGER
-from tests.ros.driven_robot import driven_robot
+from tests.ros.driven_robot import driven_robot, list_texts
 from tests.ros.ros1_client import Client, ServiceError, ask
 from tests.ros.ros1_master import master
 from tests.waiting import PATIENCE_S, wait_for
@@ -91,11 +93,9 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Peer]:
 def test_services_say_what_the_mission_makes_of_a_request(robot: Peer) -> None:
     call = robot.client.trigger
     assert call("/agribot/stop").is_done
-    assert call("/agribot/resume") == (
-        False, "not resumed: the robot is stopped; clear the stop first",
-    )  # fmt: skip
+    assert call("/agribot/resume") == (False, render(NotResumed(StopHolds())))
     assert call("/agribot/clear_stop").is_done
-    assert "nothing was planned yet" in call("/agribot/skip_row").text
+    assert call("/agribot/skip_row") == (False, render(RowNotSkipped(NothingPlanned())))
     assert robot.client.set_bool("/agribot/pause", value=True).is_done
     assert robot.events("stop (ROS 1 node /client)")
 
@@ -146,7 +146,7 @@ def test_a_goal_that_is_none_is_rejected_and_one_beyond_the_fence_aborted(robot:
     robot.send("far", 500.0, 1.0)
     status, text = robot.result("far")
     assert status == ABORTED
-    assert "beyond the fence" in text
+    assert text in list_texts(robot.session, "beyond_fence")
 
 
 def test_a_canceled_goal_and_one_that_another_replaces_are_preempted(robot: Peer) -> None:

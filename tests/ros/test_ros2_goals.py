@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from agribot.app.simulated_run import SimulatedRun
+from agribot.core.fact_text import render
+from agribot.core.facts import NotResumed, StopHolds
 from agribot.core.inbound_topics import CLICKED_POINT, COMMAND, GOAL_POSE, INITIAL_POSE, VISIT
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
@@ -24,7 +26,7 @@ from agribot.ros.ros2.services import (
     NAVIGATE_TO_POSE,
     load_service_types,
 )
-from tests.ros.driven_robot import driven_robot
+from tests.ros.driven_robot import driven_robot, list_texts
 from tests.ros.live import Talk, free_port, zenoh_peer
 from tests.waiting import wait_for
 
@@ -192,7 +194,7 @@ def test_a_goal_across_the_crop_is_refused_by_the_planner_with_its_words(client:
     assert client.send(5, (2.5, 6.0), (4.5, 6.0))
     result = client.result(5)
     assert result.status == ABORTED
-    assert "row" in result.result.error_msg
+    assert result.result.error_msg in list_texts(client.session, "over_crop")
 
 
 def test_what_is_no_goal_is_not_accepted(client: Client) -> None:
@@ -211,16 +213,15 @@ def test_one_pose_is_driven_to_though_a_visit_knows_no_errands(client: Client) -
     assert client.to_pose(10, rosmsg.make_pose(500.0, 1.0, 0.0))
     refused = client.to_pose_result(10)
     assert refused.status == ABORTED
-    # The pose is beyond the fence, and the way may begin too near to an obstacle already.
-    assert any(why in refused.result.error_msg for why in ("beyond the fence", "obstacle"))
+    # The pose is beyond the fence, and the way there leads over crop.
+    said = list_texts(client.session, "beyond_fence", "over_crop")
+    assert refused.result.error_msg in said
 
 
 def test_services_say_what_the_mission_makes_of_a_request(client: Client) -> None:
     assert client.trigger("/agribot/stop").success
     refused = client.trigger("/agribot/resume")
-    assert (refused.success, refused.message) == (
-        False, "not resumed: the robot is stopped; clear the stop first",
-    )  # fmt: skip
+    assert (refused.success, refused.message) == (False, render(NotResumed(StopHolds())))
     assert client.trigger("/agribot/clear_stop").success
     assert "initial_pose.yaw" in client.trigger("/agribot/set_pose").message
     truth = client.session.simulator.truth()

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -35,6 +36,7 @@ from agribot.ros.messages.sensor_readers import make_readers
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.connection import Ros2Connection
 from agribot.ros.topic_source import TopicSource
+from tests.finding import holds
 from tests.ros.live import Talk, first, free_port, zenoh_peer
 from tests.waiting import wait_for
 
@@ -197,10 +199,10 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
                     break
             speaker.join()
             assert session.last is not None
-        faults = [event.reason for event in session.event_log.list_kind("fault")]
+        faults = [event.fact for event in session.event_log.list_kind("fault")]
     assert seen
     assert {(sample.lat_deg, sample.lon_deg) for sample in seen} == {(lat_deg, lon_deg)}
-    assert any("gnss from /their/fix is silent" in fault for fault in faults)
+    assert any(holds(fault, SourceSilent("gnss", "/their/fix", ANY, ANY)) for fault in faults)
 
 
 def test_what_is_no_topic_is_refused_before_anything_starts(
