@@ -34,6 +34,7 @@ pytest_plugins = [
     "tests.askers",
     "tests.figures",
     "tests.second_chance",
+    "tests.time_limit",
     "tests.nightly_results",
 ]
 

@@ -7,6 +7,7 @@ import re
 import runpy
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 from tests import nightly_results
 from tests.nightly import mean_square_band
 from tests.processes import find_descendants
+from tests.time_limit import limited
 from tests.waiting import wait_for
 
 ROOT = Path(__file__).parents[1]
@@ -93,6 +95,11 @@ def test_ideal_errors_are_within_the_band_of_their_count_as_often_as_it_says(
     means = (errors**2).sum(axis=2).mean(axis=1)
     low, high = mean_square_band(count, freedom)
     assert np.mean((low < means) & (means < high)) == pytest.approx(0.95, abs=0.005)
+
+
+def test_a_test_that_waits_without_end_fails_at_its_limit() -> None:
+    with pytest.raises(pytest.fail.Exception, match=r"not over after 0\.05 s"), limited(0.05):
+        threading.Event().wait()
 
 
 def test_the_work_of_a_process_is_charged_to_the_test_that_started_it(tmp_path: Path) -> None:

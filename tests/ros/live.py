@@ -6,6 +6,7 @@ import json
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,8 +43,12 @@ class Talk:
 
     def read(self) -> Any:
         assert self.process.stdout is not None
+        limit = threading.Timer(PATIENCE_S, self.process.kill)
+        limit.start()
         line = self.process.stdout.readline()
-        assert line, f"the peer ended with status {self.process.wait(5)}"
+        limit.cancel()
+        status = "" if line else self.process.wait(5)
+        assert line, f"the peer ended with status {status}, or said nothing for {PATIENCE_S:g} s"
         return json.loads(line)
 
 
