@@ -49,7 +49,8 @@ nightly: $(VENV)/.dev
 	done; exit $$failed
 
 # Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): what fails depends on
-# wording, and is not repeated with the texts.
+# wording, and is not repeated with the texts. Left out are the tests of the texts themselves, which
+# are marked `wording`.
 facts-as-codes: $(VENV)/.dev
 	$(BIN)/python -m pytest $(WORKERS) -p tests.facts_as_codes $(TESTS)
 

@@ -1,24 +1,22 @@
 """A plugin that writes facts as `code(field=value)`: `pytest -p tests.facts_as_codes`.
 
-A test that then fails is one of words; those of the tables themselves are left out. Programs that a
-test starts are not reached.
+A test that then fails is one of words. Those of the tables themselves are marked `wording` and
+deselected. Programs that a test starts are not reached.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import pytest
 
 from agribot.core import fact_text
 from agribot.core.facts import KINDS
 
-TABLES = Path(__file__).parent / "core" / "test_facts.py"
 
-
-def pytest_ignore_collect(collection_path: Path) -> bool | None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the tests of the texts."""
-    return True if collection_path == TABLES else None
+    left_out = [item for item in items if item.get_closest_marker("wording")]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if not item.get_closest_marker("wording")]
 
 
 def pytest_configure(config: pytest.Config) -> None:

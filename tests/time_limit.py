@@ -16,7 +16,7 @@ BY_DAY_S, BY_NIGHT_S = 900.0, 14400.0
 
 @contextmanager
 def limited(limit_s: float) -> Iterator[None]:
-    """Interrupt the main thread after a time, wherever it waits."""
+    """Interrupt the main thread after a time."""
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
         pytest.fail(f"not over after {limit_s:g} s; give what it waits for a limit")

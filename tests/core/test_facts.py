@@ -68,6 +68,7 @@ def test_two_facts_are_the_same_while_only_their_numbers_change() -> None:
     assert find_kind(told) == find_kind(asked) != find_kind(None)
 
 
+@pytest.mark.wording
 @pytest.mark.parametrize("name", ["", "sensors", "the lost row", "{off_m}", "stopped by Ann; 3 m"])
 def test_a_name_is_a_name_and_nothing_else(name: str) -> None:
     stopped = StoppedBy(name)
@@ -81,6 +82,7 @@ def test_facts_are_read_back_from_a_recording_as_they_were() -> None:
         assert repr(msgspec.msgpack.decode(data, type=AnyFact)) == repr(fact)
 
 
+@pytest.mark.wording
 @pytest.mark.parametrize(
     ("fact", "text"),
     [
@@ -105,6 +107,7 @@ def test_the_english_text_says_the_fact_and_what_to_do(fact: Fact | None, text: 
     assert render(fact) == text
 
 
+@pytest.mark.wording
 def test_the_same_fact_in_german_has_the_same_numbers() -> None:
     silent = ContactorSilent(0.52, 0.3)
     assert render(silent, "de") == (
@@ -119,6 +122,7 @@ def list_fields(template: Template) -> set[str]:
     return {name for text in texts for _, name, _, _ in Formatter().parse(text) if name}
 
 
+@pytest.mark.wording
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_each_language_has_every_fact_with_the_same_variants_and_fields(language: str) -> None:
     english, table = load_table("en").facts, load_table(language).facts

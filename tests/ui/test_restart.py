@@ -18,6 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.errors import RecordingError
+from agribot.core.facts import RobotEnded
 from agribot.ui import wire
 from agribot.ui.address import Address, read_door
 from agribot.ui.robot_side import server_process
@@ -287,4 +288,4 @@ def test_a_stop_is_not_confirmed_by_the_server_of_a_program_that_has_ended(tmp_p
     heard, lost = (verdict for verdict in page.sent if isinstance(verdict, wire.Verdict))
     assert heard.ok
     assert not lost.ok
-    assert "has ended" in lost.reason
+    assert lost.reason_fact == RobotEnded()
