@@ -86,6 +86,9 @@ def test_a_page_gets_every_text_in_its_language_and_no_fact(language: str) -> No
         stop, "words from outside", held, stop, held, render(AWAITED, language),
         render(SILENT, language), render(REFUSED, language),
     ]  # fmt: skip
+    assert (state["stop_kinds"], state["doubts"][0]["reason_kinds"]) == (STOP.kinds, SILENT.kinds)
+    assert state["mission"]["reason_kinds"] == STOP.kinds and len(STOP.kinds) == 2
+    assert state["checks"][0][3:5] == [HELD.kinds, []]
     assert b'"code"' not in msgspec.json.encode(state)
     assert b"_fact" not in msgspec.json.encode(state)
 

@@ -210,6 +210,7 @@ export interface BatteryState {
 export interface MissionProgress {
   state: string
   reason: string
+  reason_kinds?: string[]
   row: number
   rows_total: number
   rows_done: number
@@ -260,6 +261,7 @@ export interface ShownGate {
   state: GateState
   since_s: number
   reason: string
+  reason_kinds?: string[]
 }
 
 /**
@@ -271,15 +273,19 @@ export interface StartCheck {
   name: string
   wrong: string
   remark: string
+  wrong_kinds: string[]
+  remark_kinds: string[]
 }
 
-export type StartCheckRow = [name: string, wrong: string, remark: string]
+export type StartCheckRow = [name: string, wrong: string, remark: string, wrong_kinds: string[], remark_kinds: string[]]
 
 export function readStartCheck(row: StartCheckRow): StartCheck {
   return {
     name: row[0],
     wrong: row[1],
     remark: row[2],
+    wrong_kinds: row[3],
+    remark_kinds: row[4],
   }
 }
 
@@ -289,6 +295,7 @@ export interface SensorDoubt {
   state: SensorState
   since_s: number | null
   reason: string
+  reason_kinds?: string[]
 }
 
 /**
@@ -319,7 +326,9 @@ export interface State {
   mission: MissionProgress | null
   mode: Mode
   stop: string
+  stop_kinds?: string[]
   reason: string
+  reason_kinds?: string[]
   gate: ShownGate | null
   checks: StartCheckRow[]
   doubts: SensorDoubt[]

@@ -20,10 +20,18 @@ test('the reason of the gate is shown once, and not at all beside the banner of 
   const jump = 'GNSS jumped by 2.01 m; look where the robot stands'
   assert.equal(tellWhy(shown({ reason: jump, gate: gate('held') })), jump)
   assert.equal(tellWhy(shown({ gate: gate('held', jump) })), jump)
-  const stopped = { stop: 'wheel stands', reason: 'wheel stands; clear the stop to go on', gate: gate('stopped') }
+  const stopped = {
+    stop: 'the left wheel stands: 0.1 rad/s',
+    stop_kinds: ['wheel left'],
+    reason: 'clear the stop to go on: the left wheel stands: 0.2 rad/s',
+    reason_kinds: ['stop to clear', 'wheel left'],
+    gate: gate('stopped'),
+  }
   assert.equal(tellWhy(shown(stopped)), '')
   const replayed = shown({ ...stopped, mode: 'replay' })
-  assert.equal(tellWhy(replayed), 'Wheel stands; clear the stop to go on', 'its banner is about the robot itself')
+  assert.match(tellWhy(replayed), /^Clear the stop to go on/, 'its banner is about the robot itself')
+  const other = { ...stopped, reason_kinds: ['stop to clear', 'wheel right'] }
+  assert.match(tellWhy(shown(other)), /^Clear the stop to go on/, 'another wheel')
 })
 
 test('a robot that drives says where it is, not why it drives', () => {
@@ -41,9 +49,9 @@ test('since when is shown as precisely as matters', () => {
 
 test('the list before the start is open while it holds the robot, and has what is wrong first', () => {
   const checks = [
-    ['clock', '', ''],
-    ['position', 'no position yet', ''],
-    ['camera', '', ''],
+    ['clock', '', '', [], []],
+    ['position', 'no position yet', '', ['no position'], []],
+    ['camera', '', '', [], []],
   ]
   const open = readStartList(shown({ checks, gate: gate('checking') }))
   assert.deepEqual([open?.isOpen, open?.isGood, open?.title], [true, false, 'Before the start: 2 of 3 good'])
@@ -55,22 +63,23 @@ test('the list before the start is open while it holds the robot, and has what i
       ['camera', true, ''],
     ],
   )
-  const told = readStartList(shown({ checks, gate: gate('checking', 'no position yet') }))
+  const waiting = { ...gate('checking', 'still no position'), reason_kinds: ['awaited', 'no position'] }
+  const told = readStartList(shown({ checks, gate: waiting }))
   assert.equal(told?.items[0].reason, '', 'it stands above')
   assert.equal(readStartList(shown({ checks, gate: gate('stopped') }))?.isOpen, true)
   for (const state of ['driving', 'slowed', 'held', 'by hand'] as const) {
     assert.equal(readStartList(shown({ checks, gate: gate(state) }))?.isOpen, false, state)
   }
-  const good = readStartList(shown({ checks: [['clock', '', '']], gate: gate('standby') }))
+  const good = readStartList(shown({ checks: [['clock', '', '', [], []]], gate: gate('standby') }))
   assert.deepEqual([good?.isOpen, good?.title], [false, 'Before the start: all 1 good'])
   assert.equal(readStartList(shown({ gate: gate('standby') })), null, 'nothing was gone through')
 })
 
 test('what is to be known of a good item stands with it, after what is wrong', () => {
   const checks = [
-    ['clock', '', ''],
-    ['contactor', '', 'none: only the red button'],
-    ['field', 'outside', ''],
+    ['clock', '', '', [], []],
+    ['contactor', '', 'none: only the red button', [], ['no contactor']],
+    ['field', 'outside', '', ['outside'], []],
   ]
   const list = readStartList(shown({ checks, gate: gate('checking') }))
   assert.deepEqual(list?.items, [
@@ -83,11 +92,11 @@ test('what is to be known of a good item stands with it, after what is wrong', (
 
 test('sensors that are not fine come first, with since when and a reason that stands nowhere else', () => {
   const doubts = [
-    { sensor: 'gnss', state: 'contradicted', since_s: 30, reason: 'GNSS jumped 2.02 m' },
+    { sensor: 'gnss', state: 'contradicted', since_s: 30, reason: 'GNSS jumped 2.02 m', reason_kinds: ['jump'] },
     { sensor: 'camera', state: 'late', since_s: null, reason: 'pictures 0.8 s old' },
   ]
   const [gnss, camera, ...fine] = readSensors(
-    shown({ doubts, reason: 'GNSS jumped 2.01 m; resume to believe it' }),
+    shown({ doubts, reason: 'GNSS jumped 2.01 m; resume to believe it', reason_kinds: ['jump'] }),
     true,
   )
   assert.deepEqual(gnss, { text: 'GNSS contradicted', tone: 'bad', since: 'for 2 s', reason: '' })
@@ -97,12 +106,12 @@ test('sensors that are not fine come first, with since when and a reason that st
     ['Compass', 'Gyro', 'Wheels', 'Clock'],
   )
   assert.equal(
-    readSensors(shown({ checks: [['clock', '', '']] }), true).length,
+    readSensors(shown({ checks: [['clock', '', '', [], []]] }), true).length,
     5,
     'a run without a camera has no line',
   )
-  assert.equal(readSensors(shown({ checks: [['camera', '', '']] }), true).length, 6)
-  const bare = readSensors(shown({ checks: [['clock', '', '']] }), false)
+  assert.equal(readSensors(shown({ checks: [['camera', '', '', [], []]] }), true).length, 6)
+  const bare = readSensors(shown({ checks: [['clock', '', '', [], []]] }), false)
   assert.deepEqual(
     bare.map(({ text }) => text),
     ['GNSS', 'Gyro', 'Wheels', 'Clock'],

@@ -68,8 +68,9 @@ CAMERA_HEAD = struct.Struct(">BBHId")
 # The same from the robot to the server: kind, number, clock (ms), height and width. Pixels follow.
 PIXELS_HEAD = struct.Struct(">BIdHH")
 
-# Ending of the name of a fact that stands beside its text.
-FACT = "_fact"
+# Endings of the names of what stands beside a text: its fact, and what a page compares instead, the
+# kinds of that fact and of those inside it.
+FACT, KINDS = "_fact", "_kinds"
 
 Vec2 = tuple[float, float]
 Mode = Literal["mission", "paused", "teleop", "stopped", "waiting", "done", "replay"]
@@ -169,6 +170,7 @@ class MissionProgress(msgspec.Struct, frozen=True, kw_only=True):
     state: str
     reason: str = ""
     reason_fact: AnyFact | UnsetType = UNSET
+    reason_kinds: list[str] | UnsetType = UNSET
     row: int = -1
     rows_total: int = 0
     rows_done: int = 0
@@ -223,6 +225,7 @@ class ShownGate(msgspec.Struct, frozen=True, kw_only=True):
     since_s: float
     reason: str = ""
     reason_fact: AnyFact | UnsetType = UNSET
+    reason_kinds: list[str] | UnsetType = UNSET
 
 
 class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
@@ -234,6 +237,8 @@ class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     name: str
     wrong: str = ""
     remark: str = ""
+    wrong_kinds: list[str] = []
+    remark_kinds: list[str] = []
     wrong_fact: AnyFact | None = None
     remark_fact: AnyFact | None = None
 
@@ -246,6 +251,7 @@ class SensorDoubt(msgspec.Struct, frozen=True, kw_only=True):
     since_s: float | None = None
     reason: str = ""
     reason_fact: AnyFact | UnsetType = UNSET
+    reason_kinds: list[str] | UnsetType = UNSET
 
 
 class State(Message, frozen=True, kw_only=True):
@@ -276,8 +282,10 @@ class State(Message, frozen=True, kw_only=True):
     mode: Mode = "waiting"
     stop: str = ""
     stop_fact: AnyFact | UnsetType = UNSET
+    stop_kinds: list[str] | UnsetType = UNSET
     reason: str = ""
     reason_fact: AnyFact | UnsetType = UNSET
+    reason_kinds: list[str] | UnsetType = UNSET
     gate: ShownGate | None = None
     checks: list[StartCheck] = msgspec.field(default_factory=list)
     doubts: list[SensorDoubt] = msgspec.field(default_factory=list)

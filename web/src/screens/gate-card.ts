@@ -26,6 +26,7 @@ const SENSOR_TONES: Record<SensorState, Tone> = {
   frozen: 'bad',
   contradicted: 'bad',
 }
+const NOTHING: Said = { text: '', kinds: [] }
 /** Sensors of every robot; those that packages add stand by their own names. */
 const SENSOR_NAMES: Record<string, string> = {
   gnss: 'GNSS',
@@ -36,12 +37,36 @@ const SENSOR_NAMES: Record<string, string> = {
   clock: say('clock'),
 }
 
+/** A text, and the kinds of its fact and of those inside it. */
+interface Said {
+  text: string
+  kinds: string[]
+}
+
 /** The reason beside the gate's state; one that the banner of a stop shows already is left out. */
-export function tellWhy({ mode, stop, reason, gate, mission }: State): string {
-  const shown = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
-  const why = gate?.state === 'driving' ? '' : gate?.reason
-  const all = [reason, why, mission?.reason, mission?.leg && named(mission.leg)]
-  return sentence(all.find((each) => each && !repeats(each, shown)) ?? '')
+export function tellWhy(state: State): string {
+  return sentence(findWhy(state).text)
+}
+
+function findWhy(state: State): Said {
+  const { gate, mission } = state
+  const all = [
+    said(state.reason, state.reason_kinds),
+    gate?.state === 'driving' ? NOTHING : said(gate?.reason, gate?.reason_kinds),
+    said(mission?.reason, mission?.reason_kinds),
+    said(mission?.leg && named(mission.leg)),
+  ]
+  const stop = readBanner(state)
+  return all.find((each) => each.text && !repeats(each, stop)) ?? NOTHING
+}
+
+/** What the banner of a stop says; that of a replay is the robot's own. */
+function readBanner({ mode, stop, stop_kinds }: State): Said {
+  return mode === 'replay' ? NOTHING : said(stop, stop_kinds)
+}
+
+function said(text?: string, kinds: string[] = []): Said {
+  return { text: text ?? '', kinds }
 }
 
 /** How long something has been so; not to the second, once that does not matter any more. */
@@ -66,7 +91,7 @@ export interface StartList {
 export function readStartList(state: State): StartList | null {
   const { checks, gate } = state
   if (!checks.length) return null
-  const said = sayings(state)
+  const shown = listShown(state)
   const all = checks.map(readStartCheck)
   const bad = all.filter((each) => each.wrong)
   const rank = ({ wrong, remark }: StartCheck): number => (wrong ? 0 : remark ? 1 : 2)
@@ -77,10 +102,14 @@ export function readStartList(state: State): StartList | null {
       : say('checksAllGood', { all: all.length }),
     items: [...all]
       .sort((a, b) => rank(a) - rank(b))
-      .map(({ name, wrong, remark }) => ({ name, isGood: !wrong, reason: tellAnew(wrong || remark, said) })),
+      .map((each) => ({ name: each.name, isGood: !each.wrong, reason: tellAnew(readFinding(each), shown) })),
     isGood: !bad.length,
     isOpen: gate?.state === 'checking' || (waits && bad.length > 0),
   }
+}
+
+function readFinding({ wrong, wrong_kinds, remark, remark_kinds }: StartCheck): Said {
+  return wrong ? said(wrong, wrong_kinds) : said(remark, remark_kinds)
 }
 
 export interface SensorLine {
@@ -98,8 +127,8 @@ export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
   const absent = new Set<string>()
   if (!hasCompass) absent.add('compass')
   if (!state.checks.some(([name]) => name === 'camera')) absent.add('camera')
-  const said = sayings(state)
-  const lines = state.doubts.map((doubt) => doubtLine(doubt, state.t_s, said))
+  const shown = listShown(state)
+  const lines = state.doubts.map((doubt) => doubtLine(doubt, state.t_s, shown))
   const doubted = new Set(state.doubts.map(({ sensor }) => sensor))
   const names = Object.keys(SENSOR_NAMES)
   const fine = names.filter((name) => !doubted.has(name) && !absent.has(name))
@@ -109,27 +138,29 @@ export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
   ]
 }
 
-function doubtLine({ sensor, state, since_s, reason }: SensorDoubt, t_s: number, said: string[]): SensorLine {
+function doubtLine(doubt: SensorDoubt, t_s: number, shown: Said[]): SensorLine {
+  const { sensor, state, since_s } = doubt
   const text = `${SENSOR_NAMES[sensor] ?? sensor} ${named(state)}`
-  return { text, tone: SENSOR_TONES[state], since: tellSince(t_s, since_s), reason: tellAnew(reason, said) }
+  const reason = tellAnew(said(doubt.reason, doubt.reason_kinds), shown)
+  return { text, tone: SENSOR_TONES[state], since: tellSince(t_s, since_s), reason }
 }
 
 /** What the card and the banner of a stop say. */
-function sayings(state: State): string[] {
-  return [tellWhy(state), state.mode === 'replay' ? '' : state.stop]
+function listShown(state: State): Said[] {
+  return [findWhy(state), readBanner(state)]
 }
 
-/** The reason, unless it was said; from now on it is. */
-function tellAnew(reason: string, said: string[]): string {
-  if (said.some((each) => repeats(reason, each))) return ''
-  said.push(reason)
-  return sentence(reason)
+/** The reason, unless it is shown; from now on it is. */
+function tellAnew(reason: Said, shown: Said[]): string {
+  if (shown.some((each) => repeats(reason, each))) return ''
+  shown.push(reason)
+  return sentence(reason.text)
 }
 
-/** Whether one says what the other says, perhaps in more words or with numbers of another moment. */
-function repeats(one: string, other: string): boolean {
-  const [a, b] = [one, other].map((text) => text.toLowerCase().replace(/\d+([.,]\d+)?/g, '#'))
-  return a !== '' && b !== '' && (a.includes(b) || b.includes(a))
+/** Whether one says what the other says, perhaps with more besides or numbers of another moment. */
+function repeats(one: Said, other: Said): boolean {
+  if (!one.kinds.length || !other.kinds.length) return one.text !== '' && one.text === other.text
+  return one.kinds.includes(other.kinds[0]) || other.kinds.includes(one.kinds[0])
 }
 
 function sentence(text: string): string {

@@ -97,6 +97,11 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
         """The codes of the facts inside it, the nearest first."""
         return tuple(code for fact in self.inner for code in (fact.code, *fact.causes))
 
+    @property
+    def kinds(self) -> list[str]:
+        """Its kind and those of the facts inside it as text, to be compared elsewhere."""
+        return [str(self.kind), *(kind for fact in self.inner for kind in fact.kinds)]
+
     def holds(self, other: Fact) -> bool:
         """Whether it is the same but for numbers as another, or a fact inside it is."""
         return self.kind == other.kind or any(fact.holds(other) for fact in self.inner)

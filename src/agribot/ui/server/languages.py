@@ -1,4 +1,7 @@
-"""Messages to a page in its language: each text that has a fact beside it is written anew."""
+"""Messages to a page in its language: each text that has a fact beside it is written anew.
+
+The facts stay here; where the page compares texts, it gets their kinds.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,7 @@ class _Plan(NamedTuple):
     texts: tuple[tuple[str, str], ...]
     inner: tuple[str, ...]
     missing: dict[str, Any]  # texts for a fact that is left out
+    compared: frozenset[str]  # texts that a page compares
 
 
 def find_language(wanted: str) -> str:
@@ -42,6 +46,7 @@ def say_in(language: str, message: M) -> M:
         fact = getattr(message, name)
         if isinstance(fact, Fact):
             changes |= {text: render(fact, language), name: plan.missing[name]}
+            changes |= {text + wire.KINDS: fact.kinds} if text in plan.compared else {}
     return msgspec.structs.replace(message, **changes) if changes else message
 
 
@@ -58,7 +63,8 @@ def _plan(struct: type[msgspec.Struct]) -> _Plan:
     texts = [(name.removesuffix(wire.FACT), name) for name in fields if name.endswith(wire.FACT)]
     inner = [name for name in fields if not name.endswith(wire.FACT) and _has_facts(hints[name])]
     missing = {name: fields[name].default for _, name in texts}
-    return _Plan(tuple(texts), tuple(inner), missing)
+    compared = frozenset(text for text, _ in texts if text + wire.KINDS in fields)
+    return _Plan(tuple(texts), tuple(inner), missing, compared)
 
 
 def _has_facts(hint: Any) -> bool:
