@@ -201,6 +201,7 @@ RENDERED = frozenset(
         "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
         "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
         "autonomy/perceive/plants.py",
+        "autonomy/plan/coverage/plan_problem.py",
         "autonomy/plan/mission/answers.py", "autonomy/plan/mission/mission.py",
         "autonomy/plan/mission/status.py", "autonomy/stack.py", "drivers/probe/board_probe.py",
         "record/events.py",

@@ -18,7 +18,13 @@ from agribot.autonomy.plan.coverage.plan_certificate import certify_plan
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.ways.footprint import Footprint, measure_footprint
 from agribot.core.errors import MissionError
-from agribot.core.facts import NoPlaceToTurn, NoWayInside, OverlapWide
+from agribot.core.facts import (
+    GroundMissed,
+    NoPlaceToTurn,
+    NothingReachable,
+    NoWayInside,
+    OverlapWide,
+)
 from agribot.core.messages import FloatArray
 from agribot.description.loader import load_robot
 from agribot.gis.field_file import read_field
@@ -28,9 +34,9 @@ from tests.gis.drawn_at_random import HERE, DrawnField, draw_field
 ROBOT = load_robot("agribot")
 EXACT_M = 1e-3
 STEP_M, TURN_RAD = 0.3, math.radians(6.0)
-# What a planner may refuse such fields for, and beginnings of problems of a plan.
+# What a planner may refuse such fields for, and the problems of a plan.
 REFUSALS = (NoPlaceToTurn, NoWayInside, OverlapWide)
-PROBLEMS = ("only ", "nothing can be reached")
+PROBLEMS = (GroundMissed, NothingReachable)
 
 
 def list_poses(plan: FieldPlan) -> FloatArray:
@@ -98,7 +104,7 @@ def test_every_plan_of_a_drawn_field_keeps_its_margin_or_is_refused_with_a_reaso
         margin_m = measure_margin_m(plan, drawn, shape)
         assert margin_m >= request.margin_m - EXACT_M, seed
         if not certificate.ok:
-            assert certificate.problems[0].message.startswith(PROBLEMS), (seed, certificate)
+            assert isinstance(certificate.problems[0].fact, PROBLEMS), (seed, certificate)
             continue
         planned += 1
         assert certificate.clearance_m <= margin_m + EXACT_M, seed

@@ -14,7 +14,7 @@ from agribot.autonomy.plan.coverage.tool_gaps import warn_of_gaps
 from agribot.autonomy.plan.ways.footprint import measure_footprint
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
-from agribot.core.facts import FileUnreadable, ImplementMissing, PlanBroken, PlanUnfit, Said
+from agribot.core.facts import FileUnreadable, ImplementMissing, PlanBroken, PlanUnfit
 from agribot.core.robot import RobotSpec
 from agribot.core.table_text import read_text_file
 from agribot.gis.field_file import read_field
@@ -55,7 +55,7 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
         problem = certificate.problems[0]
-        raise MissionError(PlanUnfit(name, robot.name, problem.rule, Said(problem.message)))
+        raise MissionError(PlanUnfit(name, robot.name, problem.rule, problem.fact))
     return FieldWork(saved.plan, saved.area, shape, saved.request)
 
 

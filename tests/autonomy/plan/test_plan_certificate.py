@@ -10,6 +10,7 @@ import pytest
 
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, LegKind
 from agribot.autonomy.plan.coverage.plan_certificate import Certificate, certify_plan
+from agribot.core.facts import LegsApart, LegTight, NearEdge
 from tests.autonomy.plan.fields import (
     REQUEST,
     ROW_REQUEST,
@@ -19,6 +20,7 @@ from tests.autonomy.plan.fields import (
     WITH_HOLE,
     certified,
 )
+from tests.finding import find
 
 ANY = msgspec.structs.replace(REQUEST, min_coverage_ratio=0.0)
 
@@ -51,7 +53,7 @@ def test_a_plan_that_comes_nearer_to_an_edge_than_was_asked_for_is_refused_at_th
     near = check(leg("swath", (2.0, 0.45), (18.0, 0.45)), leg("link", (18.0, 0.45), (19.0, 0.45)))
     assert rules(near) == {"margin"}
     assert near.problems[0].north_m == pytest.approx(0.0, abs=1e-6)
-    assert "within 0.0300 m of an edge" in near.problems[0].message
+    assert find(near.problems[0].fact, NearEdge).clearance_m == pytest.approx(0.03, abs=5e-5)
     touching = check(leg("swath", (2.0, 0.42), (18.0, 0.42)))
     assert rules(touching) == {"margin"}
 
@@ -74,7 +76,7 @@ def test_a_corner_of_the_robot_that_clips_a_hole_counts() -> None:
 def test_a_corner_with_the_tool_on_is_refused_and_one_without_is_a_turn_in_place() -> None:
     corner = ((2.0, 2.0), (8.0, 2.0), (8.0, 8.0))
     assert rules(check(leg("swath", *corner))) == {"curvature"}
-    assert "tool on" in check(leg("swath", *corner)).problems[0].message
+    assert find(check(leg("swath", *corner)).problems[0].fact, LegTight).is_working
     off = check(leg("link", *corner))
     assert off.ok
     assert off.pivots == 1
@@ -94,7 +96,7 @@ def test_an_arc_tighter_than_the_drive_can_is_refused() -> None:
 def test_a_jump_between_legs_is_refused() -> None:
     jump = check(leg("swath", (2.0, 2.0), (8.0, 2.0)), leg("swath", (8.0, 2.5), (2.0, 2.5)))
     assert rules(jump) == {"path"}
-    assert "0.500 m" in jump.problems[0].message
+    assert find(jump.problems[0].fact, LegsApart).gap_m == pytest.approx(0.5)
 
 
 def test_a_place_that_is_no_number_is_refused() -> None:

@@ -270,7 +270,7 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
     )
     if not certificate.ok:
         problem = certificate.problems[0]
-        raise MissionError(FieldUnfit(options.field, problem.rule, Said(problem.message)))
+        raise MissionError(FieldUnfit(options.field, problem.rule, problem.fact))
     if saved.area.left_out:
         sys.stderr.write(f"warning: {saved.area.left_out}\n")
     return format_plan(saved, certificate)

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Union
 from agribot.core.facts.base import *
 from agribot.core.facts.board import *
 from agribot.core.facts.camera import *
+from agribot.core.facts.certificates import *
 from agribot.core.facts.clock import *
 from agribot.core.facts.devices import *
 from agribot.core.facts.drives import *

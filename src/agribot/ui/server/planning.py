@@ -85,7 +85,7 @@ def _plan(
     answer = wire.PlanReply(
         ok=certificate.ok,
         reasons=[
-            wire.FieldReason(text=f"{p.rule}: {p.message}", at_map_m=(p.east_m, p.north_m))
+            wire.FieldReason(text=p.message, text_fact=p.fact, at_map_m=(p.east_m, p.north_m))
             for p in certificate.problems
         ],
         warnings=list(plan.warnings),

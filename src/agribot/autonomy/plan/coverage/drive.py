@@ -23,7 +23,6 @@ from agribot.core.facts import (
     NoRoomToFace,
     PlaceUnfit,
     PlanLong,
-    Said,
     ThereAlready,
     WayCrossesCrop,
     WayRefused,
@@ -126,7 +125,7 @@ class FieldWork:
             raise MissionError(ThereAlready())
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
         if problems:
-            raise MissionError(WayRefused(Said(problems[0].message)))
+            raise MissionError(WayRefused(problems[0].fact))
         return sample_legs(legs, [None] * len(legs))
 
     def _judge_place(self, place: MapPoint) -> Literal["beyond", "obstacle", "crop", "edge"]:
@@ -171,7 +170,7 @@ class FieldWork:
         way = Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])
         crushed = check_crop((way,), self.area, self._shape, self.request, start)
         if crushed:
-            raise MissionError(WayCrossesCrop(Said(crushed[0].message)))
+            raise MissionError(WayCrossesCrop(crushed[0].fact))
         return [way]
 
     @property

@@ -15,6 +15,7 @@ import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.coverage.plan_ground import find_covered, find_reachable
+from agribot.autonomy.plan.coverage.plan_problem import PlanProblem, report, report_at
 from agribot.autonomy.plan.coverage.plan_sweep import (
     measure_bends_radpm,
     orient_line,
@@ -23,7 +24,19 @@ from agribot.autonomy.plan.coverage.plan_sweep import (
 )
 from agribot.autonomy.plan.ways.curves import MIN_RADIUS_M
 from agribot.autonomy.plan.ways.footprint import Footprint
-from agribot.core.messages import FloatArray, MapPoint
+from agribot.core.facts import (
+    GroundMissed,
+    LegBroken,
+    LegsApart,
+    LegsMissing,
+    LegTight,
+    NearEdge,
+    NothingReachable,
+    ReachesOutside,
+    ToolOnCrop,
+    WheelNearRow,
+)
+from agribot.core.messages import MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -32,15 +45,6 @@ ROUNDED_M = 1e-4  # places in a plan file
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
 CURVATURE_SLACK_RATIO = 1.05  # tolerance of the curvature: arcs are checked on their chords
 MAX_PROBLEMS = 20
-
-
-class PlanProblem(msgspec.Struct, frozen=True, kw_only=True):
-    """A broken rule and its place."""
-
-    rule: str
-    message: str
-    east_m: float
-    north_m: float
 
 
 class Certificate(msgspec.Struct, frozen=True, kw_only=True):
@@ -144,23 +148,17 @@ def _refuse(problems: list[PlanProblem]) -> Certificate:
     )  # fmt: skip
 
 
-def _report(rule: str, message: str, place: MapPoint | FloatArray) -> PlanProblem:
-    east_m, north_m = float(place[0]), float(place[1])
-    where = f" at East {east_m:.2f} m, North {north_m:.2f} m"
-    return PlanProblem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)
-
-
 def _check_joints(legs: tuple[Leg, ...]) -> list[PlanProblem]:
     """Finite numbers, and every leg begins where the one before it ended."""
     found = []
     for number, leg in enumerate(legs):
         if not np.isfinite(leg.xy_map_m).all() or len(leg.xy_map_m) < 2:
-            return [_report("path", f"leg {number} has broken points", (math.nan, math.nan))]
+            return [report("path", LegBroken(number))]
         if number:
             gap_m = math.dist(legs[number - 1].xy_map_m[-1], leg.xy_map_m[0])
             if gap_m > JOINT_M:
-                found.append(_report("path", f"jumps by {gap_m:.3f} m", leg.xy_map_m[0]))
-    return found if legs else [_report("path", "has no legs", (math.nan, math.nan))]
+                found.append(report_at("path", LegsApart, leg.xy_map_m[0], gap_m=gap_m))
+    return found if legs else [report("path", LegsMissing())]
 
 
 def _check_bends(legs: tuple[Leg, ...]) -> tuple[list[PlanProblem], float]:
@@ -174,10 +172,10 @@ def _check_bends(legs: tuple[Leg, ...]) -> tuple[list[PlanProblem], float]:
         at = int(np.argmax(curvature))
         sharpest = max(sharpest, float(curvature[at]))
         if curvature[at] > limit:
-            doing = "with the tool on " if leg.tool_on else ""
             found.append(
-                _report("curvature", f"turns {doing}at {curvature[at]:.2f} rad/m, tighter than "
-                         f"{limit:.2f} rad/m", leg.xy_map_m[at + 1])
+                report_at("curvature", LegTight, leg.xy_map_m[at + 1],
+                           bend_radpm=float(curvature[at]), limit_radpm=limit,
+                           is_working=leg.tool_on)
             )  # fmt: skip
     return found, sharpest
 
@@ -215,8 +213,8 @@ def _check_edges(
         place = worst.representative_point()
         depth_m = float(shapely.hausdorff_distance(worst, shapely.intersection(worst, edge)))
         found.append(
-            _report("footprint", f"the robot reaches {depth_m:.2f} m out of the field or into a "
-                     f"hole on leg {number} ({legs[number].kind})", (place.x, place.y))
+            report_at("footprint", ReachesOutside, (place.x, place.y), depth_m=depth_m,
+                       leg_number=int(number), leg_kind=legs[number].kind)
         )  # fmt: skip
     return clearance_m, outside_m, found
 
@@ -233,9 +231,8 @@ def _check_margin(
     number = int(np.argmin(shapely.distance(field.boundary, lines)))
     near = shapely.shortest_line(field.boundary, lines[number])
     return [
-        _report("margin", f"the robot comes within {clearance_m:.4f} m of an edge, on leg {number} "
-                 f"({legs[number].kind}), and {request.margin_m:g} m were asked for; plan it again",
-                 shapely.get_coordinates(near)[0])
+        report_at("margin", NearEdge, shapely.get_coordinates(near)[0], clearance_m=clearance_m,
+                   margin_m=request.margin_m, leg_number=number, leg_kind=legs[number].kind)
     ]  # fmt: skip
 
 
@@ -259,9 +256,9 @@ def _check_rows(
         if away_m[at] < request.plant_clearance_m - JOINT_M:
             place = shapely.shortest_line(rows, traces[at])
             found.append(
-                _report("wheels", f"a wheel comes within {away_m[at]:.2f} m of a crop row, needed "
-                         f"{request.plant_clearance_m:.2f} m, on leg {number} ({leg.kind})",
-                         shapely.get_coordinates(place)[0])
+                report_at("wheels", WheelNearRow, shapely.get_coordinates(place)[0],
+                           clearance_m=float(away_m[at]), needed_m=request.plant_clearance_m,
+                           leg_number=number, leg_kind=leg.kind)
             )  # fmt: skip
     return smallest_m, found
 
@@ -276,7 +273,7 @@ def _check_tool(covered: BaseGeometry, area: FieldArea) -> list[PlanProblem]:
     if hit.length == 0.0:
         return []
     place = shapely.get_coordinates(hit)[0]
-    return [_report("crop", f"the tool works over {hit.length:.2f} m of crop rows", place)]
+    return [report_at("crop", ToolOnCrop, place, length_m=float(hit.length))]
 
 
 def _check_coverage(
@@ -285,7 +282,7 @@ def _check_coverage(
     import shapely
 
     if target.is_empty:
-        return 0.0, [_report("coverage", "nothing can be reached", (math.nan, math.nan))]
+        return 0.0, [report("coverage", NothingReachable())]
     missed = shapely.difference(target, covered)
     ratio = max(0.0, 1.0 - float(missed.area / target.area))
     if ratio >= request.min_coverage_ratio:
@@ -294,9 +291,8 @@ def _check_coverage(
     worst = parts[int(np.argmax(shapely.area(parts)))]
     place = worst.representative_point()
     return ratio, [
-        _report("coverage", f"only {100 * ratio:.2f} % of the reachable ground is worked, needed "
-                 f"{100 * request.min_coverage_ratio:.2f} %; the largest gap has "
-                 f"{worst.area:.2f} m2", (place.x, place.y))
+        report_at("coverage", GroundMissed, (place.x, place.y), worked_percent=100 * ratio,
+                   needed_percent=100 * request.min_coverage_ratio, gap_m2=float(worst.area))
     ]  # fmt: skip
 
 
