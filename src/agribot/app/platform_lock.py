@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from agribot.app.run_folder import open_locked
-from agribot.core.errors import PlatformError
+from agribot.core.errors import PlatformError, explain_os_error
 
 
 class PlatformLock:
@@ -23,13 +23,12 @@ class PlatformLock:
         digest = hashlib.sha256(platform.encode()).hexdigest()[:16]
         where = Path(tempfile.gettempdir()) if folder is None else folder
         self._path = where / f"agribot-{digest}.lock"
-        try:
+        with explain_os_error(
+            f"cannot make sure that no other program drives platform = '{platform}': {self._path}",
+            "look who owns that file",
+            PlatformError,
+        ):
             lock = open_locked(self._path)
-        except OSError as error:
-            raise PlatformError(
-                f"cannot make sure that no other program drives platform = '{platform}': "
-                f"{self._path}: {error.strerror or error}; look who owns that file"
-            ) from error
         if lock is None:
             raise PlatformError(
                 f"another agribot{_name_holder(self._path)} drives platform = '{platform}'; "

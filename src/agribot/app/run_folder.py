@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import OTHER_OUT, RecordingError, explain_os_error
 
 # Files that make a folder that of a run.
 RUN_FILES = (
@@ -28,13 +28,9 @@ class RunFolder:
         check_free(path)
         self._path, self._lock_path = path, path / LOCK_NAME
         self._is_new = not path.exists()
-        try:
+        with explain_os_error(f"cannot write into {path}", OTHER_OUT):
             path.mkdir(parents=True, exist_ok=True)
             lock = open_locked(self._lock_path)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
-            ) from error
         if lock is None:
             raise _make_driven_error(path)
         self._lock = lock
@@ -112,21 +108,13 @@ def clear_run(path: Path) -> None:
     Raises: RecordingError: a process drives it, or they cannot be removed.
     """
     check_not_driven(path)
-    try:
+    with explain_os_error(f"cannot clear {path}", "name another folder with --out"):
         _remove_run(path)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot clear {path}: {error.strerror or error}; name another folder with --out"
-        ) from error
 
 
 def _list_files(path: Path, names: tuple[str, ...]) -> list[str]:
-    try:
+    with explain_os_error(f"cannot look into {path}", "name another folder with --out"):
         return [name for name in names if (path / name).exists()]
-    except OSError as error:
-        raise RecordingError(
-            f"cannot look into {path}: {error.strerror or error}; name another folder with --out"
-        ) from error
 
 
 def _remove_run(path: Path) -> None:

@@ -81,9 +81,29 @@ def format_number(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:.12g}"
 
 
+# Advice about a file or folder that the system refuses.
+CHECK_PATH, OTHER_OUT = "check the path", "choose another --out folder"
+CHECK_DISK = "check that the folder is writable and the disk has room"
+MAKE_ROOM = "make room and run the same command again"
+
+
+class explain_os_error:
+    """Raise what the system refuses as one error: the fact, why, and what to do."""
+
+    def __init__(self, fact: str, advice: str, kind: type[AgribotError] = RecordingError) -> None:
+        self._fact, self._advice, self._kind = fact, advice, kind
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, OSError):
+            why = error.strerror or error
+            raise self._kind(f"{self._fact}: {why}; {self._advice}") from error
+
+
 def explain_unreadable(path: PathLike[str], error: OSError) -> str:
     """State that a file cannot be read, and why."""
-    return f"cannot read {path}: {error.strerror or error}; check the path"
+    return f"cannot read {path}: {error.strerror or error}; {CHECK_PATH}"
 
 
 def add_advice(fact: str, advice: str) -> str:

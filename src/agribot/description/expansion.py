@@ -12,7 +12,7 @@ from xml.parsers.expat import ExpatError
 
 import xacro
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import CHECK_PATH, DescriptionError, explain_os_error
 from agribot.description.absent_packages import AbsentPackages
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.markup import copy_tree, parse_xml, read_xml
@@ -74,12 +74,8 @@ def is_xacro(path: Path) -> bool:
 
     Raises: DescriptionError: it cannot be read.
     """
-    try:
+    with explain_os_error(f"{path} cannot be read", CHECK_PATH, DescriptionError):
         return path.suffix == ".xacro" or b"xmlns:xacro" in read_utf_8(path)
-    except OSError as error:
-        raise DescriptionError(
-            f"{path} cannot be read: {error.strerror or error}; check the path"
-        ) from error
 
 
 def is_sdf(path: Path) -> bool:
@@ -87,12 +83,8 @@ def is_sdf(path: Path) -> bool:
 
     Raises: DescriptionError: it cannot be read.
     """
-    try:
+    with explain_os_error(f"{path} cannot be read", CHECK_PATH, DescriptionError):
         return path.suffix.lower() == ".sdf" or bool(_SDF.match(read_utf_8(path)))
-    except OSError as error:
-        raise DescriptionError(
-            f"{path} cannot be read: {error.strerror or error}; check the path"
-        ) from error
 
 
 @cache

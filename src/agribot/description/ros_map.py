@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import DescriptionError, explain_os_error
 from agribot.core.geo import Datum
 from agribot.core.table_text import read_text_file
 from agribot.core.world import Obstacle, WorldSpec
@@ -120,11 +120,9 @@ def save_ros_map(ros_map: RosMap, path: Path) -> None:
     ]
     if ros_map.datum is not None:
         lines.append(f"datum: [{ros_map.datum.lat_deg!r}, {ros_map.datum.lon_deg!r}]")
-    try:
+    with explain_os_error(f"cannot write {path}", "choose another", DescriptionError):
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         Image.fromarray(np.ascontiguousarray(np.flipud(shades))).save(path.with_suffix(".png"))
-    except OSError as error:
-        raise DescriptionError(f"cannot write {path}: {error.strerror}; choose another") from error
 
 
 def make_world_map(world: WorldSpec, size_m: float = 20.0, resolution_m: float = 0.1) -> RosMap:

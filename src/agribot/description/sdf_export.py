@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import DescriptionError, explain_os_error
 from agribot.core.robot import Shape
 from agribot.core.world import (
     GripPatch,
@@ -44,12 +44,10 @@ def write_world(world: WorldSpec, path: Path) -> None:
     ET.indent(root)
     ET.register_namespace("agribot", NAMESPACE)
     text = ET.tostring(root, encoding="unicode")
-    try:
+    with explain_os_error(f"cannot write {path}", "choose another", DescriptionError):
         path.write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
         if world.terrain is not None:
             np.save(path.with_suffix(".npy"), world.terrain.height_m)
-    except OSError as error:
-        raise DescriptionError(f"cannot write {path}: {error.strerror}; choose another") from error
 
 
 def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:

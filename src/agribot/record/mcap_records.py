@@ -11,7 +11,7 @@ from typing import IO, Any
 import msgspec
 from mcap.records import Chunk, Metadata
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import CHECK_PATH, RecordingError, explain_os_error
 from agribot.record.damage import Damage
 from agribot.record.mcap_parsing import MAGIC, Summary, break_up, read_summary
 from agribot.record.mcap_tally import Tally
@@ -135,12 +135,8 @@ class McapRecords:
             yield from tally.finish(walk.data_end)
 
     def _open(self) -> IO[bytes]:
-        try:
+        with explain_os_error(f"cannot read recording {self.path}", CHECK_PATH):
             file = self.path.open("rb")
-        except OSError as error:
-            raise RecordingError(
-                f"cannot read recording {self.path}: {error.strerror or error}; check the path"
-            ) from error
         if file.read(len(MAGIC)) != MAGIC:
             file.close()
             raise RecordingError(

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from agribot.core.errors import RecordingError, explain_unreadable
+from agribot.core.errors import CHECK_DISK, RecordingError, explain_os_error, explain_unreadable
 from agribot.core.facts import ComingAndGoing
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.row_shares import TreatedShare
@@ -354,11 +354,6 @@ def write_file(path: Path, data: bytes) -> None:
     An older file stays whole until the new one is; see `write_at_once` for links and pipes.
     Raises: RecordingError: it cannot be written.
     """
-    try:
+    with explain_os_error(f"cannot write {path}", CHECK_DISK):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_at_once(path, data)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {path}: {error.strerror or error}; "
-            "check that the folder is writable and the disk has room"
-        ) from error

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import DescriptionError, explain_os_error
 from agribot.core.messages import FloatArray
 
 HEADER_BYTES, COUNT_BYTES = 80, 4
@@ -32,12 +32,10 @@ def read_stl(path: Path) -> FloatArray:
 
     Raises: DescriptionError: no such file, or it is not binary STL, or nothing of a robot's size.
     """
-    try:
+    with explain_os_error(
+        f"cannot read the mesh {path}", "check the description's mesh names", DescriptionError
+    ):
         data = path.read_bytes()
-    except OSError as error:
-        raise DescriptionError(
-            f"cannot read the mesh {path}: {error.strerror}; check the description's mesh names"
-        ) from error
     start = HEADER_BYTES + COUNT_BYTES
     count = int(np.frombuffer(data[HEADER_BYTES:start], "<u4")[0]) if len(data) >= start else -1
     wanted = start + count * TRIANGLE.itemsize

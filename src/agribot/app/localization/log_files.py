@@ -20,7 +20,7 @@ from agribot.app.localization.own_log import OwnLog
 from agribot.app.localization.receiver_log import ReceiverLog
 from agribot.app.localization.table_log import TableLog, has_header
 from agribot.core import topics
-from agribot.core.errors import RecordingError
+from agribot.core.errors import CHECK_PATH, RecordingError, explain_os_error
 from agribot.core.messages import FloatArray
 from agribot.record.bag.opening import open_bag
 from agribot.record.localization.result import OUTPUT_NAMES
@@ -168,13 +168,8 @@ def _has_ticks(path: Path) -> bool:
 
 
 def _read_start(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(SNIFF_BYTES)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot read {path}: {error.strerror or error}; check the path"
-        ) from error
+    with explain_os_error(f"cannot read {path}", CHECK_PATH), path.open("rb") as file:
+        return file.read(SNIFF_BYTES)
 
 
 def _keep_first(logs: Sequence[RobotLog], notes: list[str]) -> list[RobotLog]:

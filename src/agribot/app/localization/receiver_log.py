@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from agribot.app.localization.log import LogChannel, LogEntry
-from agribot.core.errors import RecordingError
+from agribot.core.errors import CHECK_PATH, explain_os_error
 from agribot.core.messages import FloatArray, GnssFix, GnssHeading
 from agribot.drivers.gnss import nmea
 from agribot.drivers.gnss.receiver import GpsdDecoder
@@ -50,14 +50,10 @@ class ReceiverLog:
             self._note(f"{decoder.broken} messages left out that are broken")
 
     def _read(self, size: int) -> Iterator[bytes]:
-        try:
-            with self.path.open("rb") as file:
-                while data := file.read(size):
-                    yield data
-        except OSError as error:
-            raise RecordingError(
-                f"cannot read {self.path}: {error.strerror or error}; check the path"
-            ) from error
+        reading = explain_os_error(f"cannot read {self.path}", CHECK_PATH)
+        with reading, self.path.open("rb") as file:
+            while data := file.read(size):
+                yield data
 
     def read_transforms(self) -> dict[str, tuple[str, FloatArray]]:
         return {}

@@ -14,7 +14,13 @@ from agribot.app.localization.log import LogChannel, LogEntry, LogSample, LogSen
 from agribot.app.localization.places import check_place
 from agribot.app.localization.table_columns import Column, Columns, TimeColumn
 from agribot.app.localization.wheel_ticks import SpeedWheels, TickWheels
-from agribot.core.errors import BridgeError, RecordingError, add_advice
+from agribot.core.errors import (
+    CHECK_PATH,
+    BridgeError,
+    RecordingError,
+    add_advice,
+    explain_os_error,
+)
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, ImuSample, MagSample
 
 EMPTY = ("", "nan", "null", "none")
@@ -96,12 +102,8 @@ class TableLog:
         return {}
 
     def _open(self) -> TextIO:
-        try:
+        with explain_os_error(f"cannot read {self.path}", CHECK_PATH):
             return self.path.open(newline="", encoding="utf-8-sig")
-        except OSError as error:
-            raise RecordingError(
-                f"cannot read {self.path}: {error.strerror or error}; check the path"
-            ) from error
 
     def _read_names(self) -> list[str]:
         with self._open() as file:

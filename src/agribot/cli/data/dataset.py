@@ -25,7 +25,7 @@ from agribot.cli.data.dataset_rows import add_label_by_rows, label_by_rows
 from agribot.cli.output_names import check_ending
 from agribot.cli.ranges import check_within, seed
 from agribot.cli.stopping import stop_on_signal
-from agribot.core.errors import RecordingError
+from agribot.core.errors import explain_os_error
 from agribot.core.whole_file import write_at_once
 
 LARGEST_SIDE_PX = 8192
@@ -103,13 +103,9 @@ def _split(options: argparse.Namespace) -> int:
     check_ending("-o", options.out, "JSON", ".json")
     layout = find_layout_of(options)
     result = split(layout, options.by, ratios, options.seed)
-    try:
+    with explain_os_error(f"cannot write {options.out}", "choose another -o file"):
         data = msgspec.json.format(msgspec.json.encode(result), indent=2)
         write_at_once(options.out, data + b"\n")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {options.out}: {error.strerror or error}; choose another -o file"
-        ) from error
     proof = result.proof
     text = "".join(
         f"{part}: {len(getattr(result, part))} images ({result.reached[part]:.1%}) of "

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from agribot.cli.data.result_names import is_video, list_frames, name_results
 from agribot.cli.ranges import above, check_within, threads
 from agribot.core.config import DEFAULT_MODEL
-from agribot.core.errors import AgribotError, ConfigError, RecordingError
+from agribot.core.errors import CHECK_DISK, AgribotError, ConfigError, explain_os_error
 from agribot.core.fact_text import render
 from agribot.core.messages import ByteArray, PlantClass
 
@@ -141,13 +141,8 @@ class _Table:
 
     @contextmanager
     def _naming_path(self) -> Iterator[None]:
-        try:
+        with explain_os_error(f"cannot write {self._path}", CHECK_DISK):
             yield
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {self._path}: {error.strerror or error}; "
-                "check that the folder is writable and the disk has room"
-            ) from error
 
 
 def _list_kinds(args: argparse.Namespace) -> tuple[str, ...]:

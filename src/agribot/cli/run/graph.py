@@ -16,7 +16,7 @@ from agribot.cli.run.bridging import (
     read_router,
 )
 from agribot.core import extras
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, explain_os_error
 from agribot.ros.graph import Graph, format_dot, format_graph, select_topics
 
 NODE = "agribot_graph"
@@ -56,10 +56,8 @@ def run(options: argparse.Namespace) -> int:
     if options.out is None:
         sys.stdout.write(text)
         return 0
-    try:
+    with explain_os_error(f"--out {options.out}", "name another file", ConfigError):
         Path(options.out).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"--out {options.out}: {error.strerror}; name another file") from error
     sys.stderr.write(f"{options.out}: {len(found.nodes)} nodes, {len(found.topics)} topics\n")
     return 0
 

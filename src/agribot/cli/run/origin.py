@@ -18,7 +18,7 @@ import msgspec
 import tomli_w
 
 from agribot.core.config import RunConfig
-from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.errors import ConfigError, PlatformError, explain_os_error
 from agribot.core.geo import Datum, is_place, make_datum
 from agribot.core.home import find_home
 from agribot.core.messages import GnssFix, GnssQuality
@@ -103,14 +103,13 @@ def _move_to_first_fix(config: RunConfig, options: argparse.Namespace) -> RunCon
 def _keep_first_fix(datum: Datum) -> None:
     """Keep it for the next runs. Raises: ConfigError: it cannot be written."""
     path = find_home() / FIRST_FIX_FILE_NAME
-    try:
+    with explain_os_error(
+        f"the origin of the map cannot be kept in {path}",
+        "make room, point AGRIBOT_HOME at a folder that you may write, or give --origin LAT,LON",
+        ConfigError,
+    ):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_at_once(path, tomli_w.dumps(msgspec.to_builtins(datum)).encode(), is_synced=True)
-    except OSError as error:
-        raise ConfigError(
-            f"the origin of the map cannot be kept in {path}: {error.strerror or error}; make "
-            "room, point AGRIBOT_HOME at a folder that you may write, or give --origin LAT,LON"
-        ) from error
 
 
 def _find_datum(wanted: str, config: RunConfig, options: argparse.Namespace) -> tuple[Datum, str]:

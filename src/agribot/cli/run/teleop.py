@@ -18,7 +18,7 @@ from agribot.cli.run.joint_jogging import add_joint_arguments, open_jogger
 from agribot.cli.run.terminal import ReadKeys, has_mouse, open_keys
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
-from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.errors import ConfigError, PlatformError, explain_os_error
 from agribot.ui.hand.inputs import (
     KEY_REQUESTS,
     HandRates,
@@ -227,12 +227,10 @@ def _open_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> 
 
 
 def _read_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> Iterator[Read]:
-    try:
+    with explain_os_error(
+        f"cannot open joystick {options.joy}", "plug it in or choose --joy", ConfigError
+    ):
         handle = os.open(options.joy, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    except OSError as error:
-        raise ConfigError(
-            f"cannot open joystick {options.joy}: {error.strerror}; plug it in or choose --joy"
-        ) from error
     state = JoystickState()
 
     def read(timeout_s: float) -> Wish:

@@ -10,7 +10,7 @@ from pathlib import Path
 from agribot.cli.ranges import check_workers
 from agribot.cli.tools.sweep import drive, status
 from agribot.core import extras
-from agribot.core.errors import RecordingError
+from agribot.core.errors import explain_os_error
 from agribot.core.whole_file import write_at_once
 from agribot.lab.sweep.plan import read_seeds
 
@@ -49,12 +49,8 @@ def run(options: argparse.Namespace) -> int:
     text = long_mission.make_plan(options.km)
     jobs = long_mission.list_jobs(options.km, out / PLAN, read_seeds(options.seeds), options.mps)
     folder = SweepFolder(out, jobs)
-    try:
+    with explain_os_error(f"cannot write into {out}", "name another folder with --out"):
         write_at_once(out / PLAN, text.encode())
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write into {out}: {error.strerror or error}; name another folder with --out"
-        ) from error
     executor = ProcessExecutor(options.workers, long_mission.go_on)
     ways = long_mission.ProgressLine([folder.run_dir(job) for job in jobs])
     result = drive(folder, executor, ways)

@@ -12,7 +12,7 @@ from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
 from agribot.core.config import DEFAULT_MODEL, PerceptionConfig
-from agribot.core.errors import RecordingError
+from agribot.core.errors import MAKE_ROOM, explain_os_error
 from agribot.core.whole_file import write_at_once
 from agribot.description.conditions import load_condition_preset
 from agribot.lab.bench.plant_scenes import SCENES
@@ -63,11 +63,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, name: str, text: str) -> None:
-    try:
+    with explain_os_error(f"cannot write {folder / name}", MAKE_ROOM):
         folder.mkdir(parents=True, exist_ok=True)
         write_at_once(folder / name, text.encode())
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {folder / name}: {error.strerror or error}; make room and run the same "
-            "command again"
-        ) from error

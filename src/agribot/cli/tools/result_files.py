@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import MAKE_ROOM, ConfigError, explain_os_error
 from agribot.core.whole_file import write_at_once
 from agribot.lab.bench.fault_tables import rewrite_block
 
@@ -23,10 +23,5 @@ def read_page(path: Path, name: str) -> str:
 
 def write_result(path: Path, text: str) -> None:
     """Write a file whole. Raises: RecordingError: there is no room for it."""
-    try:
+    with explain_os_error(f"cannot write into {path.parent}", MAKE_ROOM):
         write_at_once(path, text.encode())
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write into {path.parent}: {error.strerror or error}; make room and run the "
-            "same command again"
-        ) from error

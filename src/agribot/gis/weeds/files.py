@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from agribot.autonomy.weeds.plant_table import PlantTable
-from agribot.core.errors import AgribotError, RecordingError, add_advice
+from agribot.core.errors import (
+    CHECK_DISK,
+    AgribotError,
+    RecordingError,
+    add_advice,
+    explain_os_error,
+)
 from agribot.core.whole_file import make_at_once
 from agribot.gis.weeds.found_plants import Reading, tabulate_found
 from agribot.gis.weeds.geopackage_file import read_geopackage, write_geopackage
@@ -75,7 +81,7 @@ def write_map(path: Path, table: PlantTable, suffix: str = "") -> None:
     """
     suffix = suffix or find_suffix(path)
     write = FORMATS[suffix].write
-    try:
+    with explain_os_error(f"cannot write {path}", CHECK_DISK):
         path.parent.mkdir(parents=True, exist_ok=True)
         target = Path(os.path.realpath(path))  # links are followed
         if suffix == ".shp":
@@ -84,11 +90,6 @@ def write_map(path: Path, table: PlantTable, suffix: str = "") -> None:
             write(target, table)
         else:
             make_at_once(target, lambda beside: write(beside, table))
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {path}: {error.strerror or error}; check that the folder is writable "
-            "and the disk has room"
-        ) from error
 
 
 def _write_parts(path: Path, table: PlantTable) -> None:

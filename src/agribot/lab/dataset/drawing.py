@@ -15,7 +15,7 @@ from PIL import Image
 from scipy import ndimage
 
 from agribot.app.workers import Stop
-from agribot.core.errors import RecordingError
+from agribot.core.errors import MAKE_ROOM, RecordingError, explain_os_error
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.core.robot import CameraSpec
 from agribot.core.whole_file import write_at_once
@@ -121,14 +121,9 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
             map_from_camera, camera, noise_seed=noise_seed, supersample=recipe.supersample
         )
         record = _make_record(index, job.field, camera, map_from_camera, picture, world.plants)
-        try:
+        with explain_os_error(f"cannot write into {job.folder}", MAKE_ROOM):
             _write_image(job.folder, recipe, index, picture)
             write_at_once(record_path(job.folder, index), encode(record))
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {job.folder}: {error.strerror or error}; make room and run "
-                "the same command again"
-            ) from error
         drawn += 1
     return drawn
 

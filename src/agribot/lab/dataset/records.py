@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import OTHER_OUT, ConfigError, RecordingError, explain_os_error
 from agribot.core.version import __version__
 from agribot.core.whole_file import write_at_once
 
@@ -91,15 +91,11 @@ def claim(folder: Path, recipe: Recipe) -> None:
     Raises: ConfigError: the folder holds something else. RecordingError: it cannot be written.
     """
     about = folder / ABOUT
-    try:
+    with explain_os_error(f"cannot write into {folder}", OTHER_OUT):
         for name in folders(recipe):
             (folder / name).mkdir(parents=True, exist_ok=True)
         if not about.is_file():
             write_at_once(about, encode(recipe))
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write into {folder}: {error.strerror or error}; choose another --out folder"
-        ) from error
     found = read_recipe(folder)
     differing = [
         f"{name} {getattr(found, name)}, not {getattr(recipe, name)}"

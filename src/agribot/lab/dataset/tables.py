@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import MAKE_ROOM, explain_os_error
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.whole_file import write_at_once
 from agribot.lab.dataset.records import (
@@ -54,14 +54,9 @@ def write_tables(folder: Path, recipe: Recipe) -> dict[str, Any]:
         "plants.csv": _encode_csv(PLANT_COLUMNS, _make_plant_rows(recipe, records)),
         "annotations.json": encode(make_coco(recipe, records)),
     }
-    try:
+    with explain_os_error(f"cannot write the tables of {folder}", MAKE_ROOM):
         for name, data in tables.items():
             write_at_once(folder / name, data)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write the tables of {folder}: {error.strerror or error}; make room and run "
-            "the same command again"
-        ) from error
     return {
         "images": len(records),
         "fields": len({record.field for record in records}),

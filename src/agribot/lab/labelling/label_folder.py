@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.core.errors import AgribotError, ConfigError, RecordingError
+from agribot.core.errors import AgribotError, ConfigError, explain_os_error
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.whole_file import write_at_once
 from agribot.lab.dataset.classes import NAMES, UNLABELLED, MaskIds, names_colours
@@ -129,22 +129,22 @@ class LabelFolder:
         item = self._item(number)
         if not np.isin(class_id, CLASSES).all():
             raise ConfigError(f"{item.key}: the classes hold other values; save 0, 1, 2 or 255")
-        try:
-            with self._saving:
-                item = self._item(number)
-                if revision and revision != self._read_revision(item):
-                    self._refuse_to_replace(item, class_id, is_done)
-                elif is_done:
-                    self._finish(number, item, class_id)
-                else:
-                    self._draft(item).parent.mkdir(parents=True, exist_ok=True)
-                    write_at_once(self._draft(item), encode_mask(class_id))
-                return self._read_revision(self._item(number))
-        except OSError as error:
-            raise RecordingError(
-                f"cannot save the mask of {item.key}: {error.strerror}; make room on the disk, or "
-                "check that the folder may be written"
-            ) from error
+        with (
+            explain_os_error(
+                f"cannot save the mask of {item.key}",
+                "make room on the disk, or check that the folder may be written",
+            ),
+            self._saving,
+        ):
+            item = self._item(number)
+            if revision and revision != self._read_revision(item):
+                self._refuse_to_replace(item, class_id, is_done)
+            elif is_done:
+                self._finish(number, item, class_id)
+            else:
+                self._draft(item).parent.mkdir(parents=True, exist_ok=True)
+                write_at_once(self._draft(item), encode_mask(class_id))
+            return self._read_revision(self._item(number))
 
     def _finish(self, number: int, item: Item, class_id: ByteArray) -> None:
         path = self._mask(item)
@@ -279,12 +279,8 @@ def _make_folders(root: Path) -> Path:
     if not any((root / name).is_dir() for name in IMAGE_FOLDERS):
         raise ConfigError(f"{root} has no folder 'images'; make one and put the photographs there")
     found = next((root / name for name in MASK_FOLDERS if (root / name).is_dir()), root / "masks")
-    try:
+    with explain_os_error(f"cannot make {found}", "copy the photographs where you may write"):
         found.mkdir(exist_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot make {found}: {error.strerror}; copy the photographs where you may write"
-        ) from error
     return found
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import MAKE_ROOM, OTHER_OUT, ConfigError, RecordingError, explain_os_error
 from agribot.core.version import __version__
 from agribot.core.whole_file import write_at_once
 from agribot.lab.sweep.execution import RunOutcome
@@ -44,7 +44,7 @@ class SweepFolder:
         """
         self.path = path
         about = path / "sweep.json"
-        try:
+        with explain_os_error(f"cannot write into {path}", OTHER_OUT):
             (path / "results").mkdir(parents=True, exist_ok=True)
             found = about.read_bytes() if about.is_file() else None
             known = () if found is None else _read_jobs(about, found)
@@ -54,10 +54,6 @@ class SweepFolder:
                 if not is_longer or len({job.name for job in self.jobs}) < len(self.jobs):
                     raise _make_other_sweep_error(path)
                 write_at_once(about, _encode_json(_SweepPlan(version=__version__, jobs=self.jobs)))
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
-            ) from error
 
     def run_dir(self, job: SweepJob) -> Path:
         return self.path / "runs" / job.name
@@ -72,13 +68,8 @@ class SweepFolder:
         return found
 
     def keep(self, job: SweepJob, report: Report) -> None:
-        try:
+        with explain_os_error(f"cannot write into {self.path}", MAKE_ROOM):
             write_at_once(self._result(job), msgspec.json.encode(report) + b"\n")
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
-                "same command again"
-            ) from error
 
     def write_tables(self, errors: Sequence[RunOutcome]) -> dict[str, Any]:
         """Write runs.csv, summary.csv, summary.md and sweep-report.json; return the latter."""
@@ -93,17 +84,12 @@ class SweepFolder:
             "errors": failed,
             "summary": summary,
         }
-        try:
+        with explain_os_error(f"cannot write into {self.path}", MAKE_ROOM):
             write_at_once(self.path / "runs.csv", _encode_csv(rows))
             write_at_once(self.path / "summary.csv", _encode_csv(_flat_summary(summary)))
             report_json = msgspec.json.format(_encode_json({**result, "runs": rows}), indent=1)
             write_at_once(self.path / "sweep-report.json", report_json)
             write_at_once(self.path / "summary.md", format_markdown(summary).encode())
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
-                "same command again"
-            ) from error
         return result
 
     def _result(self, job: SweepJob) -> Path:

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from agribot.core.errors import AgribotError, RecordingError
+from agribot.core.errors import AgribotError, RecordingError, explain_os_error
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.cpu_meter import CpuMeter
@@ -257,14 +257,12 @@ class Trainer:
         }
         data = io.BytesIO()
         torch.save(state, data)
-        try:
+        with explain_os_error(
+            f"cannot write into {self._folder}",
+            "make room and give the same command again, which goes on from the last checkpoint",
+        ):
             make_at_once(self._folder / CHECKPOINT, lambda path: path.write_bytes(data.getvalue()))
             make_at_once(self._folder / LOG, self._write_log)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {self._folder}: {error.strerror or error}; make room and give "
-                "the same command again, which goes on from the last checkpoint"
-            ) from error
 
     def _write_log(self, path: Path) -> None:
         with path.open("w", newline="", encoding="utf-8") as file:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import ConfigError, explain_os_error
 from agribot.core.whole_file import write_at_once
 
 STRIDE_PX = 32
@@ -63,12 +63,8 @@ def write_network(made: Path, target: Path) -> None:
 
     Raises: RecordingError: it cannot be written.
     """
-    try:
+    with explain_os_error(f"cannot write {target}", "make room, or choose another -o"):
         write_at_once(target, made.read_bytes())
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {target}: {error.strerror or error}; make room, or choose another -o"
-        ) from error
 
 
 def read_card(model: str | Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import zstandard
 
-from agribot.core.errors import RecordingError, add_advice
+from agribot.core.errors import CHECK_PATH, RecordingError, add_advice, explain_os_error
 from agribot.core.sqlite_file import MAGIC as SQLITE_MAGIC
 from agribot.record.bag.folder_bag import FolderBag
 from agribot.record.bag.mcap_bag import McapBag
@@ -135,10 +135,5 @@ def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
 
 
 def _read_start(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(16)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot read {path}: {error.strerror or error}; check the path"
-        ) from error
+    with explain_os_error(f"cannot read {path}", CHECK_PATH), path.open("rb") as file:
+        return file.read(16)

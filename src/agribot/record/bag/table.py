@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agribot.core.errors import RecordingError
+from agribot.core.errors import CHECK_DISK, RecordingError, explain_os_error
 from agribot.core.whole_file import make_at_once
 from agribot.record.bag.opening import check_target, open_bag
 from agribot.record.bag.source import Bag, BagTopic
@@ -38,14 +38,9 @@ def write_table(source: Path, topic_name: str, target: Path) -> int:
             with path.open("w", newline="", encoding="utf-8") as file:
                 return _write_rows(csv.writer(file, lineterminator="\n"), _list_rows(bag, topic))
 
-        try:
+        with explain_os_error(f"cannot write {target}", CHECK_DISK):
             target.parent.mkdir(parents=True, exist_ok=True)
             return make_at_once(target, make)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {target}: {error.strerror or error}; check that the folder is "
-                "writable and the disk has room"
-            ) from error
 
 
 def _write_rows(writer: Any, rows: Iterator[tuple[object, ...]]) -> int:

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from agribot.autonomy.perceive.picture_rows import FAR_RATIO, PictureRows
-from agribot.core.errors import RecordingError
+from agribot.core.errors import explain_os_error
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.pose import Pose2
 from agribot.record.html_tables import format_number
@@ -126,15 +126,11 @@ def write_pictures_table(path: Path, study: CameraStudy) -> None:
 
     Raises: RecordingError: it cannot be written.
     """
-    try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(COLUMNS)
-            table.writerows(_list_cells(one, study.poses.get(one.t_s)) for one in study.pictures)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {path}: {error.strerror or error}; choose another --out"
-        ) from error
+    writing = explain_os_error(f"cannot write {path}", "choose another --out")
+    with writing, path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(COLUMNS)
+        table.writerows(_list_cells(one, study.poses.get(one.t_s)) for one in study.pictures)
 
 
 def _list_cells(one: ViewedPicture, pose: Pose2 | None) -> list[str]:

@@ -12,7 +12,7 @@ from typing import TextIO
 import msgspec
 
 from agribot.core import topics
-from agribot.core.errors import RecordingError
+from agribot.core.errors import explain_os_error
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import Estimate, SensorBatch
 from agribot.core.robot import RobotSpec
@@ -92,13 +92,9 @@ class PoseFiles:
 
     def _open(self, name: str) -> TextIO:
         path = self._folder / name
-        try:
+        with explain_os_error(f"cannot write {path}", "choose another --out"):
             path.parent.mkdir(parents=True, exist_ok=True)
             return self._files.enter_context(path.open("w", encoding="utf-8", newline=""))
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {path}: {error.strerror or error}; choose another --out"
-            ) from error
 
 
 class EstimateMcap:

@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 from agribot.core.config import RunConfig
-from agribot.core.errors import RecordingError
+from agribot.core.errors import RecordingError, explain_os_error
 from agribot.core.messages import ByteArray, Estimate
 from agribot.ui import wire
 from agribot.ui.robot_side.recent_frames import SeenFrame
@@ -43,17 +43,15 @@ class SavedFrames:
         """
         image = shot.frame.image_rgb
         pictures = {"images": _png(image), "masks": _png(_enlarge(shot.class_id, image))}
-        try:
+        with explain_os_error(
+            f"cannot write into {self.folder}",
+            "set record.frames_dir to a folder that can be written",
+        ):
             for part in PARTS:
                 (self.folder / part).mkdir(parents=True, exist_ok=True)
             self._check_room()
             name = self._write(shot, pictures)
             saved = sum(1 for _ in (self.folder / "images").glob("*.png"))
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {self.folder}: {error.strerror}; "
-                "set record.frames_dir to a folder that can be written"
-            ) from error
         image_name = f"images/{name}.png"
         return wire.KeptFrame(folder=str(self.folder), image=image_name, count=saved)
 

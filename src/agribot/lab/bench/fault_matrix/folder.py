@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.app.workers import Stop, results
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import MAKE_ROOM, OTHER_OUT, ConfigError, RecordingError, explain_os_error
 from agribot.core.version import __version__
 from agribot.core.whole_file import write_at_once
 from agribot.description.field_generator import PACKAGED, generate_field
@@ -31,7 +31,7 @@ class MatrixFolder:
         Raises: ConfigError: it holds results of another version. RecordingError: it cannot be made.
         """
         self.path = path
-        try:
+        with explain_os_error(f"cannot write into {path}", OTHER_OUT):
             (path / "cells").mkdir(parents=True, exist_ok=True)
             version = path / VERSION
             if not version.exists():
@@ -39,10 +39,6 @@ class MatrixFolder:
             if version.read_text(encoding="utf-8") != __version__:
                 raise ConfigError(f"{path} holds results of another version; choose another --out")
             self.world = _write_world(path / WORLD)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
-            ) from error
 
     def read(self, cells: Sequence[Cell]) -> dict[Cell, CellResult]:
         """Read the results of these cells that are finished."""
@@ -58,13 +54,8 @@ class MatrixFolder:
 
         Raises: RecordingError: the disk takes no file.
         """
-        try:
+        with explain_os_error(f"cannot write into {self.path}", MAKE_ROOM):
             write_at_once(self._find_file(result.cell), msgspec.json.encode(result) + b"\n")
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
-                "same command again"
-            ) from error
 
     def drive(
         self,

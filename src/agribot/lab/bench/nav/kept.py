@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import MAKE_ROOM, ConfigError, explain_os_error
 from agribot.lab.bench.nav.job import Job
 from agribot.lab.bench.nav.judge import Outcome
 from agribot.lab.bench.nav.scenario import Scenario
@@ -38,12 +38,10 @@ class KeptMissions:
         """
         self._path, self._program = path, identify_program()
         self._found: dict[tuple[bytes, bool], dict[int, Outcome]] = {}
-        try:
+        with explain_os_error(
+            f"{path}: cannot be read", "name another folder with --out", ConfigError
+        ):
             content = path.read_bytes() if path.exists() else b""
-        except OSError as error:
-            raise ConfigError(
-                f"{path}: cannot be read: {error.strerror or error}; name another folder with --out"
-            ) from error
         self._whole_bytes = content.rfind(b"\n") + 1
         for number, line in enumerate(content[: self._whole_bytes].splitlines(), 1):
             try:
@@ -72,17 +70,12 @@ class KeptMissions:
             program=self._program, scenario=job.scenario, is_original=job.is_original,
             outcomes=tuple(outcomes),
         )  # fmt: skip
-        try:
+        with explain_os_error(f"cannot write {self._path}", MAKE_ROOM):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._path.open("ab") as file:
                 file.truncate(self._whole_bytes)
                 file.write(msgspec.json.encode(block) + b"\n")
                 self._whole_bytes = file.tell()
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {self._path}: {error.strerror or error}; make room and run the same "
-                "command again"
-            ) from error
         self._remember(block)
 
     def _remember(self, block: _Block) -> None:
