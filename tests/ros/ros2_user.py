@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 
 from agribot.core import topics
+from agribot.core.fact_text import render
+from agribot.core.facts import StopHolds
 from agribot.core.inbound_topics import CLICKED_POINT, GOAL_POSE, INITIAL_POSE, VISIT
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
@@ -128,7 +130,7 @@ def echo_topics(user: User) -> str:
 def stop_and_clear(user: User) -> str:
     user.ask("resume", lambda: user.drives)
     user.ask("stop", lambda: user.status["stopped"] and user.stands)
-    user.ask("start", lambda: "clear the stop first" in user.status["refusal"])
+    user.ask("start", lambda: render(StopHolds()) in user.status["refusal"])
     user.ask("clear_stop", lambda: not user.status["stopped"])
     return f"stood, {user.status['refusal']}, cleared"
 
