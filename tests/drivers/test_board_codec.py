@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from agribot.drivers.board import board_protocol as table
@@ -57,6 +57,7 @@ def test_stuffed_bytes_have_no_zero_and_come_back(data: bytes) -> None:
 
 
 @given(st.binary(max_size=300))
+@example(b"\x0b" + bytes(10))
 def test_any_bytes_unstuff_to_what_stuffs_back_or_to_nothing(data: bytes) -> None:
     found = unstuff(data)
     if found is not None and 0xFF not in data:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.encounter import Encounter
 from agribot.core.robot import Origin, RobotSpec, Shape
 from agribot.core.world import Waypoint, WorldSpec
 from agribot.description.lidar import fit_lidar
@@ -21,7 +22,6 @@ from agribot.sim.visitors import (
     ASIDE_M,
     PARKED_M,
     SPEEDS_MPS,
-    Encounter,
     Plan,
     Visitor,
     add_visitors,

@@ -45,7 +45,6 @@ from agribot.record.report import (
     SafetyReport,
     TimeReport,
     TrackingReport,
-    VisitReport,
     WeedReport,
 )
 from agribot.record.run_files import DRAWN_FILE
@@ -352,9 +351,7 @@ def _safety(
 
         score = drive.judge.score_safety()
         crushes = judge_crushes(drive.config.faults, faults, score.crushes, score.stood_s)
-        visits = tuple(_same_fields(visit, VisitReport) for visit in score.visits)
-        plain = msgspec.structs.replace(score, crushes=(), visits=())
-        safety = msgspec.structs.replace(_same_fields(plain, SafetyReport), visits=visits)
+        safety = _same_fields(msgspec.structs.replace(score, crushes=()), SafetyReport)
     return msgspec.structs.replace(
         safety,
         stops=_select_events(events, "stop"),

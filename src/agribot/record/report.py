@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from agribot.core.encounter import Encounter
 from agribot.core.errors import CHECK_DISK, RecordingError, explain_os_error, explain_unreadable
 from agribot.core.facts import ComingAndGoing
 from agribot.core.implement.kind import ReportLine
@@ -204,29 +205,6 @@ class CrushReport(msgspec.Struct, frozen=True, kw_only=True):
     when: CrushedWhen
 
 
-class VisitReport(msgspec.Struct, frozen=True, kw_only=True):
-    """An encounter with a figure that stepped into the way of a simulated robot.
-
-    It was aimed at `ahead_m` from the robot's front, at `speed_mps`, and stayed for `stays_s`.
-    `robot_mps` is the robot's speed as it began, `nearest_m` the smallest distance between the
-    outlines, `stood_m` that at which the robot came to stand, null where it did not. `touched_mps`
-    is the robot's speed at the first touch, null without one, and `touched_ahead_m` how far ahead
-    of the robot's middle that of the figure was then.
-    """
-
-    figure: str
-    begin_s: float
-    end_s: float
-    ahead_m: float
-    speed_mps: float
-    stays_s: float
-    robot_mps: float
-    nearest_m: float
-    stood_m: float | None = None
-    touched_mps: float | None = None
-    touched_ahead_m: float | None = None
-
-
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     """`noticed` are the faults that the robot reported, `faults` those that were injected.
 
@@ -261,7 +239,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     km_per_intervention: float | None = None
     dropouts: dict[ComingAndGoing, Dropouts] | None = None
     waits_for_obstacles: int = 0
-    visits: tuple[VisitReport, ...] = ()
+    visits: tuple[Encounter, ...] = ()
     over_level_ratio: float | None = None
 
 

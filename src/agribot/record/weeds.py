@@ -12,7 +12,8 @@ from agribot.autonomy.weeds.judge_plants import judge_plants
 from agribot.autonomy.weeds.plant_table import PlantTable, round_rows, tabulate_plants
 from agribot.core.config import RunConfig
 from agribot.core.geo import Datum, MapFrame
-from agribot.core.messages import MappedPlant, PlantClass
+from agribot.core.implement.plants import PlacedPlant
+from agribot.core.messages import MappedPlant
 from agribot.gis.weeds.files import write_map
 from agribot.record.series import RunData
 
@@ -24,31 +25,17 @@ WEED_COLUMNS = (
 _DECIMALS = 9  # 0.1 mm on the ground
 
 
-class PlantOnMap(Protocol):
+class PlantOnMap(PlacedPlant, Protocol):
     """The facts of a plant that the files need, whatever mapped it."""
 
     @property
-    def id(self) -> int: ...
-    @property
-    def plant(self) -> PlantClass: ...
-    @property
-    def x_map_m(self) -> float: ...
-    @property
-    def y_map_m(self) -> float: ...
-    @property
-    def std_m(self) -> float: ...
-    @property
     def confidence(self) -> float: ...
-    @property
-    def area_m2(self) -> float: ...
     @property
     def sightings(self) -> int: ...
     @property
     def first_seen_s(self) -> float: ...
     @property
     def last_seen_s(self) -> float: ...
-    @property
-    def treated_s(self) -> float | None: ...
 
 
 def weeds_geojson(plants: Iterable[PlantOnMap], datum: Datum) -> dict[str, Any]:

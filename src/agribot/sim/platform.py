@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agribot.core.config import RunConfig
+from agribot.core.encounter import Encounter
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.implement.kind import WetsLeaves
 from agribot.core.messages import (
@@ -47,7 +48,6 @@ from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
 from agribot.sim.visit_log import VisitLog
-from agribot.sim.visitors import Encounter
 from agribot.sim.walkers import PersonWatch
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.encounter import Encounter
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
@@ -41,7 +42,6 @@ from agribot.sim.scores import (
 from agribot.sim.true_weeds import TrueWeeds
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
-from agribot.sim.visitors import Encounter
 from agribot.sim.weed_reasons import PlantsOnMap
 
 # Distance within which a row counts as driven: farther off, the wheels come near the plants.

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from agribot.core.encounter import Encounter
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import STOP, Estimate, FloatArray, MapPoint, Row, TickRecord
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import project_on_row
 from agribot.sim.field_edge import FieldEdge
 from agribot.sim.truth import Truth
-from agribot.sim.visitors import Encounter
 
 MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1

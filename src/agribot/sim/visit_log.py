@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import msgspec
 
+from agribot.core.encounter import Encounter
 from agribot.core.messages import MapPoint
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Walker, Waypoint
 from agribot.sim.truth import Truth
-from agribot.sim.visitors import ASIDE_M, STANDING_MPS, Encounter, Plan, Visitor
+from agribot.sim.visitors import ASIDE_M, STANDING_MPS, Plan, Visitor
 from agribot.sim.walkers import measure_gap_m, measure_outline, measure_robot_outline
 
 

@@ -44,28 +44,6 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     stays_s: float
 
 
-class Encounter(msgspec.Struct, frozen=True, kw_only=True):
-    """An encounter: what was drawn, and what became of it by the truth.
-
-    `robot_mps` is the robot's speed as it began, `nearest_m` the smallest distance between the
-    outlines, `stood_m` that at which the robot came to stand first, None where it did not.
-    `touched_mps` is the robot's speed at the first touch, None without one, and `touched_ahead_m`
-    how far ahead of the robot's middle that of the figure was then.
-    """
-
-    figure: str
-    begin_s: float
-    end_s: float
-    ahead_m: float
-    speed_mps: float
-    stays_s: float
-    robot_mps: float
-    nearest_m: float
-    stood_m: float | None = None
-    touched_mps: float | None = None
-    touched_ahead_m: float | None = None
-
-
 class Visitor(Walker, frozen=True):
     """A walker whose way is known once it has begun; until then, and after it, it is far away."""
 

@@ -30,6 +30,7 @@ from agribot.core.messages import (
     Vec3,
 )
 from agribot.record.events import Event
+from agribot.record.weeds import PlantOnMap
 from agribot.ui import wire
 from agribot.ui.receiver_view import ReceiverView
 
@@ -206,19 +207,24 @@ class RunView:
 
 def shown_weed(track: Track) -> wire.Weed:
     """Return a plant of the map as the page reads it."""
+    left = REASONS[track.left] if track.treated_s is None else ""
+    return shown_plant(track, track.treated_s, left)
+
+
+def shown_plant(plant: PlantOnMap, treated_s: float | None, left: str) -> wire.Weed:
     return wire.Weed(
-        id=track.id,
-        plant=track.plant,
-        x_map_m=round(track.x_map_m, 4),
-        y_map_m=round(track.y_map_m, 4),
-        std_m=round(track.std_m, 4),
-        confidence=round(track.confidence, 3),
-        area_m2=round(track.area_m2, 6),
-        sightings=track.sightings,
-        first_seen_s=round(track.first_seen_s, 2),
-        last_seen_s=round(track.last_seen_s, 2),
-        treated_s=None if track.treated_s is None else round(track.treated_s, 2),
-        left=REASONS[track.left] if track.treated_s is None else "",
+        id=plant.id,
+        plant=plant.plant,
+        x_map_m=round(plant.x_map_m, 4),
+        y_map_m=round(plant.y_map_m, 4),
+        std_m=round(plant.std_m, 4),
+        confidence=round(plant.confidence, 3),
+        area_m2=round(plant.area_m2, 6),
+        sightings=plant.sightings,
+        first_seen_s=round(plant.first_seen_s, 2),
+        last_seen_s=round(plant.last_seen_s, 2),
+        treated_s=None if treated_s is None else round(treated_s, 2),
+        left=left,
     )
 
 

@@ -8,21 +8,22 @@ import msgspec
 import pytest
 
 from agribot.cli.main import main
+from agribot.core.encounter import Encounter
 from agribot.core.errors import ConfigError
 from agribot.lab.bench import encounters
-from agribot.record.report import MissionReport, Report, SafetyEvent, SafetyReport, VisitReport
+from agribot.record.report import MissionReport, Report, SafetyEvent, SafetyReport
 
-PLAIN = VisitReport(
+PLAIN = Encounter(
     figure="dog", begin_s=20.0, end_s=30.0, ahead_m=1.5, speed_mps=1.0, stays_s=4.0, robot_mps=0.4,
     nearest_m=1.2, stood_m=1.2,
 )  # fmt: skip
 
 
-def visit(**changes: Any) -> VisitReport:
+def visit(**changes: Any) -> Encounter:
     return msgspec.structs.replace(PLAIN, **changes)
 
 
-def drive(*visits: VisitReport, waits_s: tuple[float, ...] = ()) -> Report:
+def drive(*visits: Encounter, waits_s: tuple[float, ...] = ()) -> Report:
     gate = tuple(SafetyEvent(t_s=t_s, reason="", code="obstacle_in_way") for t_s in waits_s)
     other = SafetyEvent(t_s=99.0, reason="", code="touched")
     base = Report(profile="x", seed=0, sensors="rtk", version="0", ok=True, reason="")

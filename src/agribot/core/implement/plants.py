@@ -23,12 +23,8 @@ class Disc(NamedTuple):
     radius_m: float
 
 
-class KnownPlant(Protocol):
-    """A plant as far as it is known; `std_m` is 1 sigma of its place, `area_m2` of its leaves.
-
-    `seen_std_m` is 1 sigma of its place seen from the robot: without what the pose was off by, the
-    same for the plant and for the tool that comes to it.
-    """
+class PlacedPlant(Protocol):
+    """A plant at its place, whatever found it."""
 
     @property
     def id(self) -> int: ...
@@ -41,13 +37,22 @@ class KnownPlant(Protocol):
     @property
     def std_m(self) -> float: ...
     @property
-    def seen_std_m(self) -> float: ...
-    @property
     def area_m2(self) -> float: ...
     @property
-    def is_confirmed(self) -> bool: ...
-    @property
     def treated_s(self) -> float | None: ...
+
+
+class KnownPlant(PlacedPlant, Protocol):
+    """A plant as far as it is known; `std_m` is 1 sigma of its place, `area_m2` of its leaves.
+
+    `seen_std_m` is 1 sigma of its place seen from the robot: without what the pose was off by, the
+    same for the plant and for the tool that comes to it.
+    """
+
+    @property
+    def seen_std_m(self) -> float: ...
+    @property
+    def is_confirmed(self) -> bool: ...
 
 
 class CropCells(Protocol):

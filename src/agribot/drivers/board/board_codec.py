@@ -53,9 +53,11 @@ def stuff(data: bytes) -> bytes:
 def unstuff(data: bytes) -> bytes | None:
     """Read what `stuff` wrote; None where nothing can have been written so."""
     out, at, end = bytearray(), 0, len(data)
+    if 0 in data:
+        return None
     while at < end:
         code = data[at]
-        if code == 0 or at + code > end:
+        if at + code > end:
             return None
         out += data[at + 1 : at + code]
         at += code

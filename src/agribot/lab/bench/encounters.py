@@ -12,8 +12,9 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
+from agribot.core.encounter import Encounter
 from agribot.lab.sweep.plan import SweepJob, read_seeds
-from agribot.record.report import Report, VisitReport
+from agribot.record.report import Report
 from agribot.sim.visitors import EVERY_S, FIRST_S, MOVING_MPS, SPEEDS_MPS, STANDING_MPS
 
 PROFILE, PRESET = "rows-10x12", "field"
@@ -76,12 +77,12 @@ def summarise(reports: Iterable[Report]) -> dict[str, Any]:
     }
 
 
-def list_met(report: Report) -> list[VisitReport]:
+def list_met(report: Report) -> list[Encounter]:
     """List the encounters that began while the robot drove."""
     return [visit for visit in report.safety.visits if visit.robot_mps > MOVING_MPS]
 
 
-def is_touched(visit: VisitReport) -> bool:
+def is_touched(visit: Encounter) -> bool:
     """Whether the robot moved as it touched the figure."""
     return visit.touched_mps is not None and visit.touched_mps >= STANDING_MPS
 
@@ -100,17 +101,17 @@ def _list_places() -> list[tuple[float, float]]:
     return list(pairwise(BOUNDS_M))
 
 
-def _sum_up_place(met: Sequence[VisitReport], low_m: float, high_m: float) -> dict[str, Any]:
+def _sum_up_place(met: Sequence[Encounter], low_m: float, high_m: float) -> dict[str, Any]:
     here = [visit for visit in met if low_m <= visit.ahead_m < high_m]
     return {"from_m": low_m, "to_m": high_m, **_count(here)}
 
 
-def _count(visits: Iterable[VisitReport]) -> dict[str, int]:
+def _count(visits: Iterable[Encounter]) -> dict[str, int]:
     found = list(visits)
     return {"encounters": len(found), "touched": sum(map(is_touched, found))}
 
 
-def _describe(visit: VisitReport) -> dict[str, Any]:
+def _describe(visit: Encounter) -> dict[str, Any]:
     return {
         "figure": visit.figure, "aimed_m": visit.ahead_m, "figure_mps": visit.speed_mps,
         "touched_mps": visit.touched_mps, "touched_ahead_m": visit.touched_ahead_m,

@@ -83,9 +83,24 @@ def compress_for_ros1(data: bytes) -> bytes:
     return frame
 
 
-class Ros1Sink:
-    is_ros2 = False
+class _RosbagSink:
+    """What the two formats of rosbags have in common: they hold messages of ROS alone."""
+
     holds_anything = False
+    _writer: Any
+
+    def attach(self, file: BagFile) -> None:
+        raise NotImplementedError
+
+    def note_lost(self, damage: Damage) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class Ros1Sink(_RosbagSink):
+    is_ros2 = False
     last_ns = (1 << 32) * 1_000_000_000 - 1
 
     def __init__(self, path: Path, compression: Compression) -> None:
@@ -112,19 +127,9 @@ class Ros1Sink:
     def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None:
         self._writer.write(self._connections[number], log_ns, data)
 
-    def attach(self, file: BagFile) -> None:
-        raise NotImplementedError
 
-    def note_lost(self, damage: Damage) -> None:
-        raise NotImplementedError
-
-    def close(self) -> None:
-        self._writer.close()
-
-
-class Rosbag2Sink:
+class Rosbag2Sink(_RosbagSink):
     is_ros2 = True
-    holds_anything = False
     last_ns = (1 << 63) - 1
 
     def __init__(self, folder: Path, storage: Storage) -> None:
@@ -150,15 +155,6 @@ class Rosbag2Sink:
 
     def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None:
         self._writer.write(self._by_number[number], log_ns, data)
-
-    def attach(self, file: BagFile) -> None:
-        raise NotImplementedError
-
-    def note_lost(self, damage: Damage) -> None:
-        raise NotImplementedError
-
-    def close(self) -> None:
-        self._writer.close()
 
 
 class McapSink:

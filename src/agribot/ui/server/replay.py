@@ -29,7 +29,7 @@ from agribot.ui import wire
 from agribot.ui.ground import read_field_or_datum
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.pictures import EncodedPicture, Pictures
-from agribot.ui.view import RunView, shown_event
+from agribot.ui.view import RunView, shown_event, shown_plant
 
 MIN_SPEED, MAX_SPEED = 0.1, 10.0
 MAX_STATES = 40_000  # some 30 MB
@@ -247,20 +247,7 @@ def _weed_known(plant: MappedPlant, t_s: float) -> wire.Weed | None:
     if plant.first_seen_s > t_s or plant.sightings < 2:
         return None
     treated_s = plant.treated_s if plant.treated_s is not None and plant.treated_s <= t_s else None
-    return wire.Weed(
-        id=plant.id,
-        plant=plant.plant,
-        x_map_m=round(plant.x_map_m, 4),
-        y_map_m=round(plant.y_map_m, 4),
-        std_m=round(plant.std_m, 4),
-        confidence=round(plant.confidence, 3),
-        area_m2=round(plant.area_m2, 6),
-        sightings=plant.sightings,
-        first_seen_s=plant.first_seen_s,
-        last_seen_s=plant.last_seen_s,
-        treated_s=treated_s,
-        left=plant.left,
-    )
+    return shown_plant(plant, treated_s, plant.left)
 
 
 def _path(path: Path) -> wire.PathPiece | None:
