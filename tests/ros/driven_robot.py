@@ -8,11 +8,13 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.run import bridging
 from agribot.core import config
 from agribot.core.fact_text import render
+from agribot.ros import robot_link
 from tests.waiting import PATIENCE_S
 
 SETTINGS = ("perception.enabled=false", "record.enabled=false", "mission.waits_for_goals=true")
@@ -25,18 +27,23 @@ def driven_robot(
     parser = argparse.ArgumentParser()
     bridging.add_arguments(parser)
     parsed = parser.parse_args(options)
-    over = threading.Event()
+    ticks, over = threading.Event(), threading.Event()
 
     def drive() -> None:
         for _ in session.ticks():
+            ticks.set()
             if over.is_set():
                 return
             time.sleep(pause_s)
 
-    with simulate(config.load("farm", list(settings)), out_dir) as session:
+    with (
+        mock.patch.object(robot_link, "PATIENCE_S", PATIENCE_S),  # a busy machine answers late
+        simulate(config.load("farm", list(settings)), out_dir) as session,
+    ):
         driver = threading.Thread(target=drive, daemon=True)
         with bridging.open_bridges(parsed, session):
             driver.start()
+            assert ticks.wait(PATIENCE_S), "the robot does not tick"
             try:
                 yield session
             finally:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -207,14 +207,9 @@ def _drive_and_let_go(hand: Hand, watch: Watch) -> None:
 
 def _prove(world: tuple[str, ...], hand: tuple[str, ...], folder: Path,
            connect: Callable[[], Ros1Connection | Ros2Connection]) -> None:  # fmt: skip
-    with _world(folder, *world):
-        link = connect()
-        driver = Hand(*hand)
-        try:
-            _drive_and_let_go(driver, Watch(link))
-        finally:
-            driver.close()
-            link.close()
+    # Two that try for the router at one time may both fail: the others join this one.
+    with closing(connect()) as link, _world(folder, *world), closing(Hand(*hand)) as driver:
+        _drive_and_let_go(driver, Watch(link))
 
 
 def test_keys_drive_a_world_over_ros2_and_let_it_stand(tmp_path: Path) -> None:
