@@ -20,6 +20,7 @@ QUICK := $(filter-out $(DEAR),$(wildcard $(addprefix tests/,test_*.py $(addsuffi
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder
 AGAIN := --second-chance
 NIGHTLY := -m nightly --nightly-results tests/nightly-results.csv
+AS_CODES = $(BIN)/python -m pytest $(WORKERS) -p tests.facts_as_codes
 # Words of one shard are joined by +; the last one is everything else.
 FARM := tests/mission/test_farm_mission.py
 SHARDS := $(FARM) tests/mission+--ignore=$(FARM) tests/ui tests/lab tests/autonomy \
@@ -40,19 +41,19 @@ run: $(VENV)/.run
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest $(WORKERS) $(AGAIN) $(TESTS)
 
-# Statistics, long drives, whole missions and browser journeys: all shards, or `make nightly
-# TESTS=tests/mission`. The table is in CONTRIBUTING.md, the last results are in
-# tests/nightly-results.csv.
+# Statistics, long drives, whole missions and browser journeys: all shards, and the tests of the day
+# with codes for texts; or `make nightly TESTS=tests/mission`. The table is in CONTRIBUTING.md, the
+# last results are in tests/nightly-results.csv.
 nightly: $(VENV)/.dev
 	failed=0; for shard in $(or $(TESTS),$(SHARDS)); do \
 	  $(BIN)/python -m pytest $(WORKERS) $(AGAIN) $(NIGHTLY) $$(echo $$shard | tr + ' ') || failed=1; \
-	done; exit $$failed
+	done; $(if $(TESTS),,$(AS_CODES) || failed=1;) exit $$failed
 
 # Codes and numbers in place of the texts of facts (tests/facts_as_codes.py): what fails depends on
 # wording, and is not repeated with the texts. Left out are the tests of the texts themselves, which
 # are marked `wording`.
 facts-as-codes: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS) -p tests.facts_as_codes $(TESTS)
+	$(AS_CODES) $(TESTS)
 
 # While working: it proves less than `make test`.
 quick: $(VENV)/.dev
