@@ -168,7 +168,7 @@ class Doubts:
         """Find fixes that jumped or crept, by what is asked of a person where something is."""
         gnss = self._gnss
         is_moved = gnss.jump.off_m or gnss.drift.is_drifting
-        return self.contradiction if is_moved else gnss.drift.suspicion
+        return self.contradiction if is_moved else gnss.drift.suspicion or gnss.drift.slow.fault
 
     def _count_rejected(self) -> Fact | None:
         count = self._gnss.rejected_in_a_row

@@ -209,7 +209,7 @@ class Integrity:
         self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
         self._forget(here, anchor)
         plain_m = self._gain * here.spread.position_m
-        return max(plain_m + self._doubted_m(), apart_m + alone_m)
+        return max(plain_m + self._doubted_m(), apart_m + alone_m, self._unseen_creep_m())
 
     def _compare_with_velocity(
         self, anchor: _Anchor, here: _Anchor
@@ -231,7 +231,7 @@ class Integrity:
         anchor, believed_m = self._find_sure(left)
         moved_m = abs(_along(left, gnss.moved_m) - _along(left, believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
-        doubted_m += abs(_along(left, gnss.drift.apart_m))
+        doubted_m += abs(_along(left, gnss.drift.apart_m)) + self._bound_creep_m(left)
         apart_m = abs(_along(left, self._apart_m(anchor, here)))
         driven_m = self._driven_m - anchor.driven_m
         alone_m = math.sqrt(
@@ -324,8 +324,23 @@ class Integrity:
         """
         gnss = self._gnss
         rejected_m = math.hypot(*gnss.rejected_m) if self._is_off else 0.0
-        apart_m = math.hypot(*gnss.drift.apart_m)
+        apart_m = math.hypot(*gnss.drift.apart_m) + self._bound_creep_m()
         return math.dist(gnss.moved_m, self._believed_m) + rejected_m + apart_m
+
+    def _bound_creep_m(self, left: tuple[float, float] | None = None) -> float:
+        """Bound how far a slow creep may have led the filter off, to one side or anywhere."""
+        doubt = self._gnss.drift.slow.doubt
+        if doubt is None:
+            return 0.0
+        if left is None:
+            return abs(doubt.apart_m) + self._fault_gain * doubt.std_m
+        aside_m = abs(_along(left, (doubt.apart_m.real, doubt.apart_m.imag)))
+        return aside_m + self._across_fault_gain * doubt.std_m
+
+    def _unseen_creep_m(self) -> float:
+        """Bound how far a creep may have led the filter off that the receiver itself cannot see."""
+        widest = self._gnss.drift.slow.widest
+        return 0.0 if widest is None else abs(widest.apart_m) + self._fault_gain * widest.std_m
 
     @property
     def _is_off(self) -> bool:

@@ -16,6 +16,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from agribot.autonomy.estimate.witnesses.slow_creep import CreepMark, SlowCreep
 from agribot.autonomy.estimate.witnesses.velocity_way import MAX_GAP_S
 from agribot.core.facts import GnssCrept, GnssParts
 
@@ -104,6 +105,7 @@ class DriftWatch:
         self.suspicion: GnssParts | None = None  # the same, once it has lasted
         self._apart_since_s: float | None = None
         self._apart_t_s = -math.inf
+        self.slow = SlowCreep()
 
     @property
     def is_drifting(self) -> bool:
@@ -117,12 +119,14 @@ class DriftWatch:
         """Forget all fixes and what was said of them."""
         self._sums.clear()
         self._last, self._since_s, self.off_m = None, None, (0.0, 0.0)
+        self.slow.restart()
         self._clear_suspicion()
 
     def add(self, report: WitnessReport, trust: Trust) -> None:
         if self._last is not None and report.t_s - self._last.report.t_s > MAX_GAP_S:
             self.restart()
         here = self._last = _sum_up(self._last, report)
+        self.slow.add(_mark(here, trust), trust.velocity_mps, trust.bias_m2_per_s)
         found = self._find_creep(here, trust)
         self._suspect(report.t_s, found)
         if found is None or not found.is_borne_out:
@@ -208,6 +212,14 @@ def _sum_up(last: _Sums | None, report: WitnessReport) -> _Sums:
         last.driven_m + gap_s / 2.0 * (last.report.driven_mps + report.driven_mps),
         last.gaps2_s2 + gap_s * gap_s,
     )
+
+
+def _mark(here: _Sums, trust: Trust) -> CreepMark:
+    report = here.report
+    return CreepMark(
+        report.t_s, report.place_m - here.flown_m, here.gaps2_s2,
+        report.turn * report.driven_mps, report.way_m, trust.fix_m**2,
+    )  # fmt: skip
 
 
 class _Witness(NamedTuple):
