@@ -126,7 +126,7 @@ def test_an_antenna_that_sits_elsewhere_is_named_after_a_turn_to_each_side(where
 
 def test_a_person_who_has_measured_the_antenna_goes_on() -> None:
     into = localizer((0.0, 0.3, 0.6))
-    recording = record(rows, 38.0, seed=1, errors=RTK)
+    recording = record(rows, 42.0, seed=1, errors=RTK)
     last = [into.update(batch) for batch in batches(recording)][-1]
     assert isinstance(last.contradiction_fact, AntennaElsewhere)
     resumed = ask(ControlMission(action="resume"), t_s=last.t_s)

@@ -44,11 +44,21 @@ def test_what_a_creep_may_have_done_unseen_grows_with_the_time_since_the_last_st
     assert late.std_m == pytest.approx(0.12, abs=0.01)
 
 
-def test_wheels_that_stand_for_20_s_end_the_doubt() -> None:
-    watch, doubted = drive(0.01j), 0.0
-    for k in range(220):
-        t_s = 80.0 + k * PERIOD_S
-        mark = CreepMark(t_s, 0.8j, 8.0 + k * PERIOD_S**2, 0j, 32.0, 0.01**2)
+def stand(watch: SlowCreep, off_m: complex, lasts_s: float) -> SlowCreep:
+    for k in range(round(lasts_s / PERIOD_S)):
+        gaps2_s2 = 8.0 + k * PERIOD_S**2
+        mark = CreepMark(80.0 + k * PERIOD_S, off_m, gaps2_s2, 0j, 32.0, 0.01**2)
         watch.add(mark, VELOCITY_MPS, WALK_M2_PER_S)
-        doubted = t_s if watch.doubt is not None else doubted
-    assert doubted == pytest.approx(100.0, abs=1.1)
+    return watch
+
+
+def test_a_creep_that_ends_when_the_robot_stands_stays_doubted_until_a_person_has_looked() -> None:
+    watch = stand(drive(0.01j), 0.8j, 120.0)
+    assert watch.doubt is not None
+    watch.restart()
+    assert watch.doubt is None and watch.widest is None
+
+
+def test_wheels_that_stand_for_20_s_have_judged_the_fixes() -> None:
+    judged = stand(drive(0j), 0j, 22.0).widest
+    assert judged is None

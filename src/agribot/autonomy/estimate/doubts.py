@@ -25,6 +25,9 @@ from agribot.core.facts import CameraAndGnssDisagree, Fact, FixesRejected
 from agribot.core.messages import GnssQuality, Scene, SensorBatch
 from agribot.core.plugins import WITNESSES, bind_all, find_used
 
+# Least time for which a person needs to read a question and to look.
+READ_S = 3.0
+
 
 def load_witnesses(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilter], Witness]]:
     """Take the witnesses of installed packages, with their settings.
@@ -55,6 +58,8 @@ class Doubts:
         self.crop, self.heading = CropWatch(), HeadingWatch()
         self.leaps, self._imu_lateness = LeapWatch(), Lateness()
         self._moving_t_s = -math.inf
+        # Since when the present contradiction stands, and the time of the last batch.
+        self._since_s = self._now_s = math.inf
         self._witnesses = self._list_witnesses()
 
     def _list_witnesses(self) -> tuple[Witness, ...]:
@@ -94,6 +99,8 @@ class Doubts:
             witness.update(batch)
         found = (each for witness in self._others for each in witness.findings(batch.t_s))
         self._asked = next((each.fact for each in found if each.must_ask), None)
+        self._now_s = batch.t_s
+        self._since_s = min(self._since_s, batch.t_s) if self.contradiction else math.inf
 
     def move(self, t_s: float) -> None:
         """Note that the robot moves."""
@@ -180,9 +187,14 @@ class Doubts:
         """Go on as a person decided on the spot; False: nothing was in doubt.
 
         A robot on a row that the camera saw goes on along it, and what GNSS says otherwise counts
-        as an error of the receiver; anywhere else GNSS is believed.
+        as an error of the receiver; anywhere else GNSS is believed. A person who bids it go on before
+        the question was there to be read has decided nothing.
         """
         if self.contradiction is None:
+            is_doubted = self._gnss.drift.slow.doubt is not None
+            self._gnss.drift.slow.restart()
+            return is_doubted
+        if not self._now_s - self._since_s >= READ_S:
             return False
         self._asked = None
         for witness in self._others:

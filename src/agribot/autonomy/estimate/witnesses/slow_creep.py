@@ -2,7 +2,8 @@
 
 The noise of a velocity is white, so that its sum parts from the truth by the root of the time, a
 creep by the time itself. What is found is a doubt that widens the protection level: the robot then
-stands, and by wheels that stand a creep shows within seconds (see `drift_watch`).
+stands, and by wheels that stand a creep shows within seconds (see `drift_watch`). One that has
+ended meanwhile shows no more, so that a doubt stays until a person has looked.
 """
 
 from __future__ import annotations
@@ -19,14 +20,12 @@ STEP_S = 1.0  # least distance of kept marks
 BIAS_MPS = 0.001
 # Receivers smooth velocities; their sum lags behind by the change of speed times some tenths.
 LAG_STD_S = 0.1
-# Two normal errors exceed this squared distance once in 7000 windows.
-DOUBT2 = 4.2**2
+# Squared distance in sigmas of the noise: of 300 drives of 300 s without a fault, 1 exceeds it.
+DOUBT2 = 4.75**2
 # Smallest change of speed that has a direction.
 LEAST_MPS = 1e-6
 # A robot whose wheels stood for the shortest window has been judged by them.
 STANDS_M = 0.01
-# Time for which a doubt stays: standing wheels need as long to decide.
-HOLD_S = 20.0
 
 
 class CreepMark(NamedTuple):
@@ -54,7 +53,7 @@ class Parted(NamedTuple):
 
 
 class SlowCreep:
-    """Call `add` with every fix of carrier corrections; `doubt` is what was found lately.
+    """Call `add` with every fix of carrier corrections; `doubt` is what was found.
 
     `widest` is the longest window: a creep of up to its distance may be there unseen.
     """
@@ -63,7 +62,6 @@ class SlowCreep:
         self._marks: deque[CreepMark] = deque()
         self.doubt: Parted | None = None
         self.widest: Parted | None = None
-        self._doubt_t_s = -math.inf
 
     @property
     def fault(self) -> GnssParts | None:
@@ -80,7 +78,7 @@ class SlowCreep:
         marks = self._marks
         if marks and here.t_s - marks[-1].t_s < STEP_S - 1e-6:
             return
-        if self._has_stood(here):
+        if self.doubt is None and self._has_stood(here):
             self.restart()
         self._judge(here, velocity_mps, walk_m2_per_s)
         marks.append(here)
@@ -93,15 +91,13 @@ class SlowCreep:
         return then is not None and here.way_m - then.way_m < STANDS_M
 
     def _judge(self, here: CreepMark, velocity_mps: float, walk_m2_per_s: float) -> None:
-        if here.t_s - self._doubt_t_s > HOLD_S:
-            self.doubt = None
         for window_s in WINDOWS_S:
             then = self._find(here.t_s - window_s)
             if then is None:
                 return
             self.widest = parted = _compare(then, here, velocity_mps, walk_m2_per_s)
             if parted.is_doubt and (self.doubt is None or parted.std_m >= self.doubt.std_m):
-                self.doubt, self._doubt_t_s = parted, here.t_s
+                self.doubt = parted
 
     def _find(self, t_s: float) -> CreepMark | None:
         """Find the last mark up to a time; None before the first."""
@@ -115,13 +111,14 @@ def _compare(then: CreepMark, here: CreepMark, velocity_mps: float, walk_m2_per_
     """Measure how far fixes and velocities have parted, the lag of the latter left out."""
     lasted_s, apart_m = here.t_s - then.t_s, here.off_m - then.off_m
     fixes_m2 = then.fix_m2 + here.fix_m2 + walk_m2_per_s * lasted_s
-    noise_m2 = velocity_mps**2 * (here.gaps2_s2 - then.gaps2_s2) + (BIAS_MPS * lasted_s) ** 2
-    variance_m2, change_mps = fixes_m2 + noise_m2, here.led_mps - then.led_mps
+    variance_m2 = fixes_m2 + velocity_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
+    change_mps = here.led_mps - then.led_mps
     lag_m2 = (LAG_STD_S * abs(change_mps)) ** 2
     lagging_m = _project(apart_m, change_mps)
     distance2 = (abs(apart_m) ** 2 - lagging_m**2) / variance_m2
     distance2 += lagging_m**2 / (variance_m2 + lag_m2)
-    return Parted(lasted_s, apart_m, math.sqrt(variance_m2), distance2 > DOUBT2)
+    std_m = math.hypot(math.sqrt(variance_m2), BIAS_MPS * lasted_s)
+    return Parted(lasted_s, apart_m, std_m, distance2 > DOUBT2)
 
 
 def _project(vector_m: complex, onto: complex) -> float:
