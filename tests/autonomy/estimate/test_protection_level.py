@@ -11,6 +11,7 @@ import pytest
 
 from agribot.autonomy.plan.mission.caution import across_std_m
 from agribot.core.config import EstimateConfig
+from agribot.core.facts import GnssParts
 from agribot.core.messages import CorrectPose, Estimate, GnssFix, SensorBatch
 from tests import nightly
 from tests.asking import ask
@@ -175,3 +176,15 @@ def test_a_jump_of_a_cheap_receiver_does_not_drag_the_robot_along_later() -> Non
     apart_m = math.dist((plain[-1].x_map_m, plain[-1].y_map_m),
                         (faulty[-1].x_map_m, faulty[-1].y_map_m))  # fmt: skip
     assert apart_m < 0.6
+
+
+def test_a_level_bounds_a_creep_of_15_mm_s_and_stops_the_work_before_it_is_beside_the_row() -> None:
+    recording = with_fixes(
+        record(lambda t_s: (0.4 * (t_s > 3.0), 0.0), 30.0, seed=2),
+        lambda t_s: t_s > 12.0,
+        lambda fix: shifted(fix, 0.015 * (fix.t_s - 12.0), 0.0),
+    )
+    estimates = play(recording)
+    assert not any(exceeded(recording, estimates))
+    doubted = next(e for e in estimates if isinstance(e.fact, GnssParts))
+    assert distance_m(recording, doubted) < 0.31 < doubted.across_protection_m
