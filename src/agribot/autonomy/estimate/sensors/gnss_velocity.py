@@ -23,6 +23,7 @@ from agribot.autonomy.estimate.witnesses.lost_way import (
     LedVelocity,
     are_fixes_vague,
     can_be_of_wheels,
+    find_beyond_wheels,
     have_lost_way,
 )
 from agribot.autonomy.estimate.witnesses.spin_watch import (
@@ -129,9 +130,7 @@ class GnssVelocity:
         spins = spins and self.noise.is_known and is_steady
         if spins:
             self._pose.rejected["wheels spin"] += 1
-            shown_mps = claimed_mps + missing_mps[0]
-            if not moves_against(claimed_mps, shown_mps):
-                self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, shown_mps)
+            self._note_spin(seen, claimed_mps, missing_mps, math.sqrt(variance))
         opened = doubts(
             residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
             (wheel_mps, rate_radps), since_last_s * self._spin_after, is_corrected=is_corrected,
@@ -141,6 +140,18 @@ class GnssVelocity:
             self._gate, opens=tuple((state, doubt**2) for state, doubt in opened),
             is_retaken=is_steady, must_open=spins,
         )  # fmt: skip
+
+    def _note_spin(
+        self, seen: _Seen, claimed_mps: float, missing_mps: tuple[float, float], std_mps: float
+    ) -> None:
+        """Note wheels that turn in vain, not those of a robot that hands move."""
+        shown_mps, driven = (
+            claimed_mps + missing_mps[0],
+            (seen.then.wheel_mps, seen.then.yaw_rate_radps),
+        )
+        _, aside_mps = find_beyond_wheels((shown_mps, missing_mps[1]), driven, std_mps)
+        if not aside_mps and not moves_against(claimed_mps, shown_mps):
+            self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, shown_mps)
 
     def _lead(self, measured: Measurement, seen: _Seen, *, is_vague: bool) -> Measurement | None:
         """Measure the way from the last velocity, where wheels have lost theirs; None elsewhere."""
