@@ -14,6 +14,7 @@ from agribot.core.config import EstimateConfig
 from agribot.core.facts import (
     DeadReckoning,
     FixesRejected,
+    GnssJumped,
     GnssSilent,
     HeadingUnknown,
     NoDataYet,
@@ -102,14 +103,27 @@ def halting(t_s: float) -> tuple[float, float]:
     return (0.4, 0.0) if 3.0 < t_s < 14.0 else (0.0, 0.0)
 
 
-def test_a_robot_carried_two_metres_while_it_stands_is_found_again_by_rtk() -> None:
+def test_a_robot_carried_two_metres_without_power_is_found_again_by_rtk() -> None:
     recording = with_fixes(record(halting, 25.0, seed=6), lambda t: t > 18.0,
-                           lambda fix: shifted(fix, 2.0))  # fmt: skip
+                           lambda fix: shifted(fix, 2.0) if fix.t_s > 20.0 else None)  # fmt: skip
     estimates = play(recording)
     assert distance_m(recording, at(estimates, 19.0)) < 0.1
     moved = [error(recording, e)[:2] - (2.0, 0.0) for e in estimates if e.t_s > 23.0]
     assert max(float(np.hypot(*m)) for m in moved) < 0.08
     assert not any(e.contradiction_fact for e in estimates)
+
+
+@pytest.mark.parametrize(("jump_m", "creep_mps"), [(2.0, 0.0), (0.0, 0.05)])
+def test_fixes_that_move_without_their_velocity_carry_no_robot_that_stands(
+    jump_m: float, creep_mps: float
+) -> None:
+    recording = with_fixes(
+        record(halting, 24.0, seed=6), lambda t: t > 18.0,
+        lambda fix: shifted(fix, jump_m + creep_mps * (fix.t_s - 18.0)),
+    )  # fmt: skip
+    last = play(recording)[-1]
+    assert isinstance(last.contradiction_fact, GnssJumped)
+    assert distance_m(recording, last) < 0.2
 
 
 @pytest.mark.parametrize(

@@ -160,10 +160,12 @@ def test_fixes_that_jump_before_the_robot_sets_off_are_held_against_the_mark() -
 
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
 def test_a_robot_that_is_brought_to_its_mark_starts(errors: Errors) -> None:
-    recording = shift_fixes(
+    away = shift_fixes(
         record(stand, 15.0, seed=1, errors=errors, start=START),
         lambda fix: move_north(fix, 12.0 if fix.t_s < 5.0 else 0.0),
     )
+    seen = [(t_s, fix) for t_s, fix in away.fixes if not 5.0 < fix.t_s < 7.0]
+    recording = msgspec.structs.replace(away, fixes=seen)
     estimates = run(recording)
     assert not estimates[240].ok
     assert estimates[-1].ok

@@ -40,6 +40,7 @@ from agribot.autonomy.estimate.sensors.gnss_velocity import GnssVelocity, has_us
 from agribot.autonomy.estimate.sensors.gnss_wander import GnssWander
 from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.autonomy.estimate.witnesses.drift_watch import (
+    ALARM2,
     MAX_LOST_RATIO,
     DriftWatch,
     Trust,
@@ -412,7 +413,10 @@ class Gnss(Correction[GnssFix]):
             return
         if verdict == "recover":
             off_m = math.hypot(*measured.residuals)
-            if not self.jump.is_jump(off_m, self._moved_m, is_corrected=self._is_corrected):
+            is_disowned, is_corrected = self._is_disowned(measured), self._is_corrected
+            if not self.jump.is_jump(
+                off_m, self._moved_m, is_corrected=is_corrected, is_disowned=is_disowned
+            ):
                 self._follow(measured)
                 return
             self.pose.rejected[self._position_gate.outlier] += 1
@@ -432,16 +436,11 @@ class Gnss(Correction[GnssFix]):
         Then they have lost their way on soft ground, in a turn or ahead, or found it again, and
         neither did the fixes jump nor was the robot carried, which happens anywhere.
         """
-        sure, way = self._sure, self.velocity.way
+        sure, led = self._sure, self._find_led(measured)
         is_often = self.rejected_in_a_row >= SUSPICIOUS_REJECTIONS
-        if sure is None or not is_often:
+        if sure is None or led is None or not is_often:
             return False
-        parted = way.compare(sure.mark, way.find_mark(self.last_t_s))
-        if parted is None or self.quality is not GnssQuality.RTK_FIXED:
-            return False
-        parted_m, std_m = parted
-        variance_m2 = measured.variance + sure.variance_m2 + std_m**2
-        off_m2 = abs(complex(*measured.residuals) + parted_m) ** 2
+        parted_m, off_m2, variance_m2 = led
         least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
         has_turned = self._turned_rad - sure.turned_rad >= least_rad
         apart_m = (parted_m.real, parted_m.imag)
@@ -449,6 +448,27 @@ class Gnss(Correction[GnssFix]):
         is_ahead = aside_m * aside_m <= VOUCHED_SIGMA2 * variance_m2
         can_be_ahead = is_ahead and abs(parted_m) <= self._driven_m - sure.driven_m
         return (has_turned or can_be_ahead) and off_m2 <= VOUCHED_SIGMA2 * variance_m2
+
+    def _find_led(self, measured: Measurement) -> tuple[complex, float, float] | None:
+        """Measure how the filter and a rejected fix part from where its velocities lead.
+
+        Returns: the distance of the filter, the square of that of the fix, and its variance; None
+        without velocities since the last fix that was believed.
+        """
+        sure, way = self._sure, self.velocity.way
+        if sure is None or self.quality is not GnssQuality.RTK_FIXED:
+            return None
+        parted = way.compare(sure.mark, way.find_mark(self.last_t_s))
+        if parted is None:
+            return None
+        parted_m, std_m = parted
+        variance_m2 = measured.variance + sure.variance_m2 + std_m**2
+        return parted_m, abs(complex(*measured.residuals) + parted_m) ** 2, variance_m2
+
+    def _is_disowned(self, measured: Measurement) -> bool:
+        """Whether a rejected fix lies where its velocities do not lead: nobody carried it."""
+        led = self._find_led(measured)
+        return led is not None and led[1] > ALARM2 * led[2]
 
     def _follow(self, measured: Measurement) -> None:
         """Follow the fixes: with corrections they are right, and the robot was carried or slid.

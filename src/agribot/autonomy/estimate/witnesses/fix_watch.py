@@ -45,7 +45,8 @@ class JumpWatch:
     """Distinguishes a receiver that jumped from a robot that was carried.
 
     Wheels and gyro are good to centimetres over the seconds of a run of rejected fixes. If they
-    agreed with the fixes before, and drove on meanwhile, the fixes jumped. Whether the fixes are
+    agreed with the fixes before, and drove on meanwhile, the fixes jumped; so they did where the
+    receiver's own velocities do not lead to them. Whether the fixes are
     right now, a person has to decide: the wheels of a lifted robot turn in the air, which looks
     the same.
     """
@@ -63,10 +64,15 @@ class JumpWatch:
         if self._agreed >= AGREE_FIXES:
             self.off_m = 0.0
 
-    def is_jump(self, off_m: float, moved_m: float, *, is_corrected: bool) -> bool:
-        """Return whether rejected fixes, now `off_m` away, are a jump and not to be followed."""
+    def is_jump(
+        self, off_m: float, moved_m: float, *, is_corrected: bool, is_disowned: bool = False
+    ) -> bool:
+        """Return whether rejected fixes, now `off_m` away, are a jump and not to be followed.
+
+        `is_disowned`: the velocities of the receiver do not lead there.
+        """
         drove_on = moved_m - self._agreed_at_m >= CARRIED_M
-        has_left = is_corrected and self._agreed >= AGREE_FIXES and drove_on
+        has_left = is_corrected and self._agreed >= AGREE_FIXES and (drove_on or is_disowned)
         if self.off_m or has_left or off_m > MAX_JUMP_M:
             self.off_m = off_m
             self._agreed = 0
