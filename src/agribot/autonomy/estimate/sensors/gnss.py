@@ -466,7 +466,7 @@ class Gnss(Correction[GnssFix]):
         return parted_m, abs(complex(*measured.residuals) + parted_m) ** 2, variance_m2
 
     def _is_disowned(self, measured: Measurement) -> bool:
-        """Whether a rejected fix lies where its velocities do not lead: nobody carried it."""
+        """Whether a rejected fix lies where its velocities do not lead: no hands carried it."""
         led = self._find_led(measured)
         return led is not None and led[1] > ALARM2 * led[2]
 
