@@ -22,14 +22,14 @@ def drive(creep_mps: complex, lasts_s: float = 80.0, lag_s: float = 0.0) -> Slow
     return watch
 
 
-@pytest.mark.parametrize(("creep_mps", "within_s"), [(0.012, 21.5), (0.01, 31.5), (0.008, 61.5)])
+@pytest.mark.parametrize(("creep_mps", "within_s"), [(0.014, 21.5), (0.011, 31.5), (0.009, 61.5)])
 def test_a_creep_of_millimetres_a_second_is_doubted(creep_mps: float, within_s: float) -> None:
     across = drive(1j * creep_mps, within_s).doubt
     assert across is not None
     assert abs(across.apart_m) == pytest.approx(creep_mps * across.window_s, rel=0.06)
 
 
-def test_a_creep_of_5_mm_s_is_lost_in_the_noise_of_the_velocities() -> None:
+def test_a_creep_of_5_mm_s_is_not_distinguished_from_velocities_that_are_off_for_good() -> None:
     assert drive(0.005j, 100.0).doubt is None
 
 
@@ -40,8 +40,8 @@ def test_a_velocity_that_lags_behind_a_turn_is_no_creep() -> None:
 def test_what_a_creep_may_have_done_unseen_grows_with_the_time_since_the_last_stand() -> None:
     early, late = drive(0j, 25.0).widest, drive(0j, 85.0).widest
     assert early is not None and late is not None
-    assert early.std_m == pytest.approx(0.05, abs=0.005)
-    assert late.std_m == pytest.approx(0.12, abs=0.01)
+    assert early.std_m == pytest.approx(0.055, abs=0.005)
+    assert late.std_m == pytest.approx(0.15, abs=0.01)
 
 
 def stand(watch: SlowCreep, off_m: complex, lasts_s: float) -> SlowCreep:
