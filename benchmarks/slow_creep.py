@@ -1,4 +1,4 @@
-"""How soon a slow creep of fixes is doubted, and how often it is where there is none.
+"""How soon a slow creep of fixes is doubted, and how often fixes without one are.
 
 `python benchmarks/slow_creep.py [DRAWS]` draws drives of 300 s with the receiver of the preset
 `rtk` and prints the table of docs/results/localization.md. Speeds are in mm/s, times in s.
