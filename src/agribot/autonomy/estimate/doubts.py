@@ -15,7 +15,6 @@ from agribot.autonomy.estimate.sensors.pose_filter import PoseFilter
 from agribot.autonomy.estimate.witnesses.crop_watch import CropWatch
 from agribot.autonomy.estimate.witnesses.fitness_watch import FitnessWatch
 from agribot.autonomy.estimate.witnesses.fix_watch import MAX_JUMP_M
-from agribot.autonomy.estimate.witnesses.heading_watch import HeadingWatch
 from agribot.autonomy.estimate.witnesses.mirror_watch import MirrorWatch
 from agribot.autonomy.estimate.witnesses.picture_flow import PictureFlow
 from agribot.autonomy.estimate.witnesses.picture_watch import PictureWatch
@@ -55,7 +54,7 @@ class Doubts:
         self._identity, self._lines = pose.identity, pose.lines
         self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), SceneWatch()
         self._mirror, self._fitness = MirrorWatch(), FitnessWatch()
-        self.crop, self.heading = CropWatch(), HeadingWatch()
+        self.crop = CropWatch()
         self.leaps, self._imu_lateness = LeapWatch(), Lateness()
         self._moving_t_s = -math.inf
         # Since when the present contradiction stands, and the time of the last batch.
@@ -86,7 +85,7 @@ class Doubts:
             FedWatch("gnss", "contradicted", lambda t_s: gnss.velocity.noise.fault),
             FedWatch("gyro", "contradicted", turns.gyro_fault),
             FedWatch("gyro", "late", self._imu_lateness.fault),
-            FedWatch("compass", "contradicted", turns.compass_fault, self.heading.forget),
+            FedWatch("compass", "contradicted", turns.compass_fault),
             FedWatch("clock", "contradicted", self.leaps.fault),
             *self._others,
         )
@@ -95,7 +94,7 @@ class Doubts:
         """Let the witnesses hear a batch, and drop doubts that were not reported for long."""
         self._agreement.expire(batch.t_s)
         self._imu_lateness.add(batch.t_s, self._odometry.imu_t_s)
-        for witness in self._witnesses:
+        for witness in self._others:  # the filter feeds all else
             witness.update(batch)
         found = (each for witness in self._others for each in witness.findings(batch.t_s))
         self._asked = next((each.fact for each in found if each.must_ask), None)
@@ -154,7 +153,7 @@ class Doubts:
         # A robot whose compass is wrong seems to be carried.
         is_judged = self._pose.first_heading.check.is_under_way
         carried = None if is_judged else self._gnss.velocity.carry.fault
-        own = fixes or carried or self.heading.fault or self._aside or self._identity.doubt
+        own = fixes or carried or self._aside or self._identity.doubt
         return own or self._asked
 
     @property
@@ -212,7 +211,6 @@ class Doubts:
         gnss.settle(believes_fixes=not is_seen)
         agreement.forget()
         self._lines.forget()
-        self.heading.forget()
         self._identity.confirm_row()
         return True
 

@@ -130,11 +130,6 @@ class Localizer:
             ladder.update_all(batch)
         for event in batch.requests:
             self._apply(event.request)
-        if not self.pose.first_heading.check.is_under_way:
-            self._doubts.heading.add(
-                batch.t_s, self._ekf.x[YAW] - self._motion.yaw_rad,
-                math.sqrt(self._ekf.cov[YAW, YAW]),
-            )  # fmt: skip
         self._doubts.update(batch)
         self._now_s = batch.t_s
         return self._estimate(batch.t_s)

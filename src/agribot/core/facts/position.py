@@ -245,7 +245,7 @@ class RobotCarried(Fact, frozen=True):
 
 
 class HeadingJumped(Fact, frozen=True):
-    """The heading was corrected by more than a turn explains."""
+    """The heading was corrected by more than a turn explains; in recordings of earlier versions."""
 
     about: ClassVar[tuple[Part, ...]] = ("compass", "robot")
     off_rad: float
