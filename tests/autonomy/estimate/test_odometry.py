@@ -51,6 +51,18 @@ def test_distance_is_the_mean_of_the_sides_and_the_turn_comes_from_the_gyro() ->
     assert not any(s.is_still or s.is_blind for s in steps)
 
 
+def test_readings_whose_times_differ_by_rounding_are_one() -> None:
+    """A clock that leaps back and on gives a time again that differs in its last digits."""
+    source = odometry()
+    run(source, 6.0, 4.0, 0.3, last_s=0.3)
+    again_s = math.nextafter(0.3, 1.0)
+    moved = WheelSample(t_s=again_s, angle_rad=(9.0,) * 4, speed_radps=(6.0, 4.0) * 2)
+    assert list(source.steps([moved], [], NOW_S)) == []
+    (after,) = source.steps([wheels(0.31, 6.0, 4.0)], [], NOW_S)
+    assert after.dt_s == pytest.approx(0.01)
+    assert after.distance_m == pytest.approx(5.0 * RADIUS_M * 0.01)
+
+
 def test_an_imu_without_acceleration_turns_the_robot_which_counts_as_level() -> None:
     source = odometry()
     tilted = (0.0, 9.8 * math.sin(0.2), 9.8 * math.cos(0.2))

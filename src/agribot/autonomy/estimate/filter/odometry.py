@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from agribot.autonomy.estimate.filter.sensor_ranges import MAX_READING
+from agribot.autonomy.estimate.filter.sensor_ranges import LEAST_STEP_S, MAX_READING
 from agribot.autonomy.estimate.filter.slope import (
     heading_rate_radps,
     project_from_above,
@@ -95,7 +95,7 @@ class Odometry:
         for reading in wheels:
             if not _is_sane(reading.t_s, reading.angle_rad + reading.speed_radps):
                 self._rejected["wheels not finite"] += 1
-            elif not self.wheel_t_s < reading.t_s <= latest_s:
+            elif not self.wheel_t_s + LEAST_STEP_S < reading.t_s <= latest_s:
                 self._rejected["wheels out of order"] += 1
             else:
                 before, self._wheels = self._wheels, reading

@@ -7,7 +7,7 @@ import math
 import msgspec
 
 from agribot.autonomy.estimate.filter.odometry import MAX_WHEEL_FACTOR, MAX_WHEEL_SLACK_RAD
-from agribot.autonomy.estimate.filter.sensor_ranges import MAX_READING
+from agribot.autonomy.estimate.filter.sensor_ranges import LEAST_STEP_S, MAX_READING
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import WheelSample
 from agribot.core.robot import DriveSpec
@@ -78,7 +78,7 @@ class WheelOdometry:
         last, self._last = self._last, sample
         if last is None:
             return self._read(sample.t_s, 0.0, 0.0, 0.0, math.inf)
-        if sample.t_s <= last.t_s:
+        if sample.t_s <= last.t_s + LEAST_STEP_S:
             self._last = last
             return None
         return self._step(last, sample)
