@@ -21,17 +21,29 @@ def find_delay_s(
     watch = DriftWatch()
     for k in range(round(lasts_s / PERIOD_S)):
         t_s = k * PERIOD_S
-        watch.add(
-            WitnessReport(
-                t_s=t_s, place_m=complex(creep_mps * t_s, speed_mps * t_s),
-                velocity_mps=complex(flown_mps, speed_mps), driven_mps=complex(0.0, speed_mps),
-                turn=1.0 + 0j, arm_m=0j, way_m=speed_mps * t_s, turned_rad=0.0,
-            ),
-            TRUST,
-        )  # fmt: skip
+        watch.add(report(t_s, creep_mps, speed_mps, flown_mps), TRUST)
         if watch.is_drifting:
             return t_s
     return None
+
+
+def report(t_s: float, creep_mps: float, speed_mps: float, flown_mps: float) -> WitnessReport:
+    return WitnessReport(
+        t_s=t_s, place_m=complex(creep_mps * t_s, speed_mps * t_s),
+        velocity_mps=complex(flown_mps, speed_mps), driven_mps=complex(0.0, speed_mps),
+        turn=1.0 + 0j, arm_m=0j, way_m=speed_mps * t_s, turned_rad=0.0,
+    )  # fmt: skip
+
+
+def test_what_a_gyro_is_found_to_have_turned_too_fast_is_no_creep_of_the_fixes() -> None:
+    watch = DriftWatch()
+    for k in range(900):
+        watch.add(report(k * PERIOD_S, 0.0, 0.4, 0.0), TRUST)
+        if k == 600:
+            watch.straighten(since_s=57.0, rate_radps=0.001)
+    assert watch.slow.doubt is None
+    assert watch.slow.widest is not None
+    assert watch.slow.widest.std_m == pytest.approx(0.15, abs=0.02)
 
 
 @pytest.mark.parametrize(("creep_mps", "within_s"), [(0.02, 6.0), (0.01, 11.0), (0.005, 21.0)])

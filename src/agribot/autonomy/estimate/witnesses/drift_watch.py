@@ -173,7 +173,8 @@ class DriftWatch:
                 driven_mps=report.driven_mps * cmath.rect(1.0, by_rad),
                 turn=turn * cmath.rect(1.0, -bent_rad),
             )
-            last = _sum_up(last, report)
+            # The sums go on from where they were: slow creeps are held against them, too.
+            last = each._replace(report=report) if last is None else _sum_up(last, report)
             self._sums.append(last)
         self._last = self._sums.pop()
 
