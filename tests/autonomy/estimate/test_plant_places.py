@@ -124,7 +124,7 @@ def test_put_down_one_row_aside_in_mid_field_the_plants_tell_which_row_it_is(
         assert asked
         assert all(isinstance(each, WhichRow | PlantsElsewhere) for each in asked)
         assert all(getattr(each, "side", "") == "right" for each in asked)
-        aside = PlantsElsewhere(ANY, ANY, None, ANY, 1.05, "right")
+        aside = PlantsElsewhere(ANY, ANY, ANY, ANY, 1.0, "right")  # rows are a metre apart
         assert any(is_like(each, aside, within=0.055) for each in asked)
 
 
