@@ -3,8 +3,7 @@
 `nice -n 10 python benchmarks/witnesses.py FOLDER [--seeds 1] [--workers 2] [--camera]`. Each drive
 of `agribot bench faults --in-row` is driven as the robot is, and once more without each witness
 that found something in it. FOLDER gets `drives.jsonl`, so that a second call drives only what is
-missing, and `witnesses.csv`: docs/results/fault-campaign/witnesses.csv. A witness in whose absence
-nothing is lost in any drive is not needed.
+missing, and `witnesses.csv`. A witness in whose absence nothing is lost in any drive is not needed.
 """
 
 from __future__ import annotations
