@@ -77,10 +77,6 @@ def has_fault(owner: Any, _result: Any) -> bool:
     return owner.fault is not None
 
 
-def has_crept(owner: Any, _result: Any) -> bool:
-    return bool(owner.is_drifting or owner.suspicion is not None)
-
-
 def has_named(owner: Any, _result: Any) -> bool:
     return bool(max(owner._gyro_s, owner._compass_s) > 0.0)
 

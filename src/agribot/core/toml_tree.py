@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 
 import msgspec
 
-from agribot.core.errors import ConfigError
+from agribot.core.errors import CHECK_PATH, ConfigError, explain_os_error
 from agribot.core.suggestions import suggest_name
 from agribot.core.table_text import read_text_file
 
@@ -22,9 +22,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises: ConfigError: no such file, no text, or not TOML.
     """
     try:
-        text = read_text_file(path)
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
+        with explain_os_error(f"cannot read {path}", CHECK_PATH, ConfigError):
+            text = read_text_file(path)
     except ValueError as error:
         raise ConfigError(f"{path} cannot be read: {error}; save it as UTF-8") from error
     return parse_toml(text, str(path))

@@ -186,8 +186,8 @@ class Doubts:
         """Go on as a person decided on the spot; False: nothing was in doubt.
 
         A robot on a row that the camera saw goes on along it, and what GNSS says otherwise counts
-        as an error of the receiver; anywhere else GNSS is believed. A person who bids it go on
-        before the question was there to be read has decided nothing.
+        as an error of the receiver; anywhere else the fixes count. A request that comes within
+        READ_S of the question is ignored, as it cannot be an answer.
         """
         if self.contradiction is None:
             is_doubted = self._gnss.drift.slow.doubt is not None

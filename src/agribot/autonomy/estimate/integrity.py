@@ -333,14 +333,14 @@ class Integrity:
         if doubt is None:
             return 0.0
         if left is None:
-            return abs(doubt.apart_m) + self._fault_gain * doubt.std_m
+            return doubt.bound_m(self._fault_gain)
         aside_m = abs(_along(left, (doubt.apart_m.real, doubt.apart_m.imag)))
         return aside_m + self._across_fault_gain * doubt.std_m
 
     def _unseen_creep_m(self) -> float:
         """Bound how far a creep may have led the filter off that the receiver itself cannot see."""
         widest = self._gnss.drift.slow.widest
-        return 0.0 if widest is None else abs(widest.apart_m) + self._fault_gain * widest.std_m
+        return widest.bound_m(self._fault_gain) if widest else 0.0
 
     @property
     def _is_off(self) -> bool:

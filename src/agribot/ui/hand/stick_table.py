@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from agribot.core.errors import ConfigError, add_advice
+from agribot.core.errors import CHECK_PATH, ConfigError, add_advice, explain_os_error
 from agribot.core.toml_tree import check_finite
 from agribot.ros.joint_step import JointStep
 from agribot.ui import wire
@@ -246,9 +246,8 @@ def _read_step(name: str, command: Action, at: str) -> JointStep:
 
 def _commands(path: Path) -> dict[str, Any]:
     try:
-        tree = read_yaml_file(path)
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
+        with explain_os_error(f"cannot read {path}", CHECK_PATH, ConfigError):
+            tree = read_yaml_file(path)
     except UnusableYaml as error:
         raise ConfigError(f"{path} is not valid YAML: {error}; correct that line") from error
     check_finite(tree, str(path), "")

@@ -468,7 +468,10 @@ class Gnss(Correction[GnssFix]):
     def _is_disowned(self, measured: Measurement) -> bool:
         """Whether a rejected fix lies where its velocities do not lead: no hands carried it."""
         led = self._find_led(measured)
-        return led is not None and led[1] > ALARM2 * led[2]
+        if led is None:
+            return False
+        _, off_m2, variance_m2 = led
+        return off_m2 > ALARM2 * variance_m2
 
     def _follow(self, measured: Measurement) -> None:
         """Follow the fixes: with corrections they are right, and the robot was carried or slid.

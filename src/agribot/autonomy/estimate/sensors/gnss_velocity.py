@@ -145,10 +145,8 @@ class GnssVelocity:
         self, seen: _Seen, claimed_mps: float, missing_mps: tuple[float, float], std_mps: float
     ) -> None:
         """Note wheels that turn in vain, not those of a robot that hands move."""
-        shown_mps, driven = (
-            claimed_mps + missing_mps[0],
-            (seen.then.wheel_mps, seen.then.yaw_rate_radps),
-        )
+        shown_mps = claimed_mps + missing_mps[0]
+        driven = (seen.then.wheel_mps, seen.then.yaw_rate_radps)
         _, aside_mps = find_beyond_wheels((shown_mps, missing_mps[1]), driven, std_mps)
         if not aside_mps and not moves_against(claimed_mps, shown_mps):
             self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, shown_mps)

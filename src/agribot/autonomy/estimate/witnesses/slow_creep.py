@@ -53,6 +53,10 @@ class Parted(NamedTuple):
     std_m: float
     is_doubt: bool
 
+    def bound_m(self, sigmas: float) -> float:
+        """Bound how far fixes may have crept, anywhere."""
+        return abs(self.apart_m) + sigmas * self.std_m
+
 
 class SlowCreep:
     """Call `add` with every fix of carrier corrections; `doubt` is what was found.
