@@ -9,12 +9,17 @@ from unittest.mock import ANY
 
 import msgspec
 import numpy as np
+import pytest
 
+from agribot.autonomy.estimate.filter.history import Motion
 from agribot.autonomy.estimate.filter.stem_map import StemMap
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.sensors.plant_belief import PlantBelief
+from agribot.autonomy.estimate.sensors.plant_places import SURE, TURN_RAD
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import NoFixesYet, PlantsElsewhere, WhichRow
 from agribot.core.messages import ControlMission, Estimate, FloatArray, SensorBatch
+from agribot.core.pose import Pose2
 from tests import nightly
 from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, Recording, record
@@ -145,6 +150,24 @@ def test_set_down_anywhere_without_gnss_it_finds_itself_and_is_never_sure_of_a_w
         found += bool(len(deviation))
         assert not len(deviation) or np.abs(deviation[:, :2]).max() < 2.0 * HERE_M
     assert found >= 0.5 * len(seeds)
+
+
+def test_places_move_along_the_way_as_the_heading_turns_it_that_the_plants_have_shown() -> None:
+    """Two pieces of way by a compass that is 6 degrees off, where the row is not known."""
+    off_rad, rng = math.radians(6.0), np.random.default_rng(2)
+    plants = grow(SMALL, SPACING_M, PLANTED, rng)
+    recording = record(straight, 13.0, seed=2, errors=M8N, start=(2.0, 0.0, math.pi / 2))
+    belief = PlantBelief(StemMap(plants))
+    for scene in scenes_of(recording, plants, PLANTED, rng):
+        x_m, y_m, yaw_rad = recording.pose(scene.t_s)
+        way_m = Pose2(0.0, 0.0, -off_rad).rotate(x_m - 2.0, y_m)
+        then = Motion(scene.t_s, *way_m, yaw_rad - math.pi / 2, 0.5, 0.0)
+        turns_rad = [step * TURN_RAD for step in range(-5, 6)]
+        belief.add(scene, then, yaw_rad - off_rad, (x_m, y_m, 2.3), turns_rad, None)
+    best = belief.places[0]
+    assert best.share > SURE
+    assert math.hypot(best.x_map_m - x_m, best.y_map_m - y_m) < 2.0 * HERE_M
+    assert math.degrees(best.turn_rad) == pytest.approx(6.0, abs=1.5)
 
 
 def test_where_all_plants_stand_like_all_others_it_says_that_it_does_not_know() -> None:

@@ -56,7 +56,8 @@ class MatchedPlace(NamedTuple):
     matched: int
 
 
-Prior = Callable[[FloatArray, FloatArray], FloatArray]
+# Log probabilities of places: x and y on the map, m, and turn of the heading, rad, (N,) each.
+Prior = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 
 def find_places(
@@ -90,7 +91,7 @@ def find_places(
 def _weigh(rated: FloatArray, prior: Prior | None) -> FloatArray:
     """Give the logarithm of how likely each place is, up to a constant."""
     log: FloatArray = SHARE * rated[:, 3]
-    return log if prior is None else log + prior(rated[:, 0], rated[:, 1])
+    return log if prior is None else log + prior(rated[:, 0], rated[:, 1], rated[:, 2])
 
 
 def _turn(seen: SeenPlants, turn_rad: float) -> SeenPlants:

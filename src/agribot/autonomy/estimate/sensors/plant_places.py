@@ -89,8 +89,11 @@ class PlantPlaces(Correction[Scene]):
         pose, is_known = self.pose.place(epoch), "position" in self.pose.known
         self._moved_m = math.hypot(epoch.then.x_m, epoch.then.y_m)
         here = self.pose.rows.at(*pose.xy_m)
-        around, start = (self._reach(pose, here)) if is_known else (None, None)
-        turns = self._list_turns()
+        yaw_std_rad = math.sqrt(float(self.pose.ekf.cov[YAW, YAW]))
+        turns = _list_turns(yaw_std_rad)
+        along_m = max(self._project_std_m(here.forward), LEAST_ALONG_M) if is_known else None
+        around = None if along_m is None else self._reach(pose, here, along_m)
+        start = _expect(pose, here, along_m, yaw_std_rad)
         if not belief.add(sample, epoch.then, pose.yaw_rad, around, turns, start):
             return
         best = belief.places[0] if belief.places else None
@@ -106,32 +109,14 @@ class PlantPlaces(Correction[Scene]):
         if is_sure:
             yield from self._hold(best, pose, here, epoch)
 
-    def _reach(self, pose: Pose2, here: RowFrame) -> tuple[tuple[float, float, float], Prior]:
-        """Say where to look for the robot, and how likely it is there: in any row, but here along.
-
-        Rows look alike to the person who put the robot down, so all are equally likely.
-        """
-        along_m = max(self._project_std_m(here.forward), LEAST_ALONG_M)
+    def _reach(self, pose: Pose2, here: RowFrame, along_m: float) -> tuple[float, float, float]:
+        """Say where to look for the robot: in any row near by, but here along it."""
         pitch_m = here.pitch_m if math.isfinite(here.pitch_m) else 0.0
-        reach_m = max(ROWS_ASIDE * pitch_m, LEAST_REACH_M, 3.0 * along_m)
-
-        def prior(x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-            off_m = (x_m - pose.x_m) * here.forward[0] + (y_m - pose.y_m) * here.forward[1]
-            log: FloatArray = np.log(np.exp(-((off_m / along_m) ** 2) / 2.0) + FAR_RATIO)
-            return log
-
-        return (*pose.xy_m, reach_m), prior
+        return (*pose.xy_m, max(ROWS_ASIDE * pitch_m, LEAST_REACH_M, 3.0 * along_m))
 
     def _project_std_m(self, direction: tuple[float, float]) -> float:
         dx, dy = direction
         return math.sqrt(self.pose.ekf.project(((X, dx), (Y, dy)))[1])
-
-    def _list_turns(self) -> Sequence[float]:
-        std_rad = math.sqrt(float(self.pose.ekf.cov[YAW, YAW]))
-        if std_rad <= YAW_STD_RAD:
-            return (0.0,)
-        steps = min(math.ceil(2.5 * std_rad / TURN_RAD), MOST_TURNS)
-        return [step * TURN_RAD for step in range(-steps, steps + 1)]
 
     def _share_rows(
         self, places: list[MatchedPlace], here: RowFrame, pose: Pose2
@@ -194,3 +179,26 @@ class PlantPlaces(Correction[Scene]):
         self.pose.known.add("position")
         self.restart()
         self.found += 1
+
+
+def _list_turns(yaw_std_rad: float) -> Sequence[float]:
+    if yaw_std_rad <= YAW_STD_RAD:
+        return (0.0,)
+    steps = min(math.ceil(2.5 * yaw_std_rad / TURN_RAD), MOST_TURNS)
+    return [step * TURN_RAD for step in range(-steps, steps + 1)]
+
+
+def _expect(pose: Pose2, here: RowFrame, along_m: float | None, yaw_std_rad: float) -> Prior:
+    """Make a prior of the pose: its heading and, where its place is known, that along the row.
+
+    Rows look alike to the person who put the robot down, so all are equally likely.
+    """
+
+    def prior(x_m: FloatArray, y_m: FloatArray, turn_rad: FloatArray) -> FloatArray:
+        log: FloatArray = -((turn_rad / yaw_std_rad) ** 2) / 2.0
+        if along_m is None:
+            return log
+        off_m = (x_m - pose.x_m) * here.forward[0] + (y_m - pose.y_m) * here.forward[1]
+        return log + np.log(np.exp(-((off_m / along_m) ** 2) / 2.0) + FAR_RATIO)
+
+    return prior
