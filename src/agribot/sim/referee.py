@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import msgspec
@@ -24,14 +24,15 @@ from agribot.core.messages import (
     TickRecord,
 )
 from agribot.core.robot import RobotSpec
-from agribot.core.row_shape import project_on_row, row_length_m
+from agribot.core.row_shape import row_length_m
 from agribot.core.world import WorldSpec
+from agribot.sim.driven_rows import DrivenRows
+from agribot.sim.job_plants import JobPlants, PlantSource
+from agribot.sim.mask_judge import MaskJudge
 from agribot.sim.plant_judge import find_percentile, is_in_strips, match_plants
-from agribot.sim.plant_states import PlantStates
 from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows, shift_row
-from agribot.sim.safety_judge import Crush, SafetyJudge, SafetyScore
+from agribot.sim.safety_judge import SafetyJudge, SafetyScore
 from agribot.sim.scores import (
-    CrushedCount,
     ErrorSums,
     EstimateScore,
     RefereeState,
@@ -41,39 +42,18 @@ from agribot.sim.scores import (
 )
 from agribot.sim.true_weeds import TrueWeeds
 from agribot.sim.truth import Truth
-from agribot.sim.underside import Part
 from agribot.sim.weed_reasons import PlantsOnMap
 
-# Distance within which a row counts as driven: farther off, the wheels come near the plants.
-KEPT_ROW_M = 0.25
-SLICE_M = 0.25  # row length of a slice, for the coverage
-SAME_PLACE_M = 0.05  # ends of rows that another plan numbers anew
 
-
-class TruthSource(Protocol):
+class TruthSource(PlantSource, Protocol):
     """The part of a simulator that the referee reads."""
 
-    @property
-    def crushed(self) -> set[int]: ...
-    @property
-    def brushed(self) -> set[int]: ...
-    @property
-    def plants(self) -> PlantStates: ...
     @property
     def person_distance_min_m(self) -> float | None: ...
     @property
     def visits(self) -> tuple[Encounter, ...]: ...
-    def restore_plants(self, crushed_by: Mapping[int, Part], treated: Sequence[int]) -> None: ...
-    @property
-    def treated(self) -> dict[int, float]: ...
     @property
     def worked_m2(self) -> float: ...
-    @property
-    def wet_leaves(self) -> dict[int, float]: ...
-    @property
-    def offsets_m(self) -> dict[int, float]: ...
-    @property
-    def looks(self) -> Mapping[int, int]: ...
     def truth(self) -> Truth: ...
     def truth_mask(self, frame_index: int) -> ByteArray | None: ...
 
@@ -109,7 +89,7 @@ class Referee:
         self._before: RefereeState | None = None
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
-        self._confusion = np.zeros((3, 3), dtype=np.int64)
+        self._masks, self._plants = MaskJudge(), JobPlants(source, world.plants)
         self._true_rows: tuple[Row, ...] = ()
         self.set_task(rows, goals_map_m)
 
@@ -117,11 +97,9 @@ class Referee:
         self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
     ) -> None:
         """Replace the rows and goals to judge; errors up to now still count."""
-        self._rows = {row.index: self._find_true_row(row) for row in rows}
+        self._driven = DrivenRows([self._find_true_row(row) for row in rows])
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
-        self._worst_m: dict[int, float] = {}
-        self._slices: set[tuple[int, int]] = set()
 
     def take_true_rows(self, rows: Sequence[Row]) -> None:
         """Take the rows of the map that a robot is to find."""
@@ -133,20 +111,21 @@ class Referee:
         A row was found from where the robot believes to be, `here_map_m`: as far as that is wrong,
         so is the place of the row, and it is not another row for that.
         """
-        if all(row.index in self._rows for row in found):
+        rows = self._driven.by_index
+        if all(row.index in rows for row in found):
             return
         truth = self._source.truth()
         off_m = truth.x_map_m - here_map_m[0], truth.y_map_m - here_map_m[1]
         for row in found:
-            if row.index not in self._rows:
+            if row.index not in rows:
                 there = shift_row(row, off_m)
-                self._rows[row.index] = find_true_row(there, self._true_rows) or row
+                rows[row.index] = find_true_row(there, self._true_rows) or row
 
     def score_found_rows(self, found: Sequence[Row]) -> FoundRowsScore | None:
         """Score the rows that the robot found; None if it knew its rows."""
         if not self._true_rows:
             return None
-        return score_found_rows(found, self._true_rows, self._rows)
+        return score_found_rows(found, self._true_rows, self._driven.by_index)
 
     def restore(self, before: RefereeState) -> str:
         """Continue the judgement of an earlier run of the job.
@@ -156,14 +135,13 @@ class Referee:
         self._before, self._tally = before, before.tally
         self._safety.restore(before.safety)
         self._distance_m += before.distance_m
-        self._confusion += np.array(before.confusion, dtype=np.int64).reshape(3, 3)
-        for row in before.rows:
-            self._restore_row(row, before)
+        self._masks.restore(before.confusion)
+        self._driven.restore(before)
         for goal, nearest_m in zip(before.goals_map_m, before.nearest_m, strict=True):
             if goal in self._goals_map_m and nearest_m is not None:
                 self._nearest_m[self._goals_map_m.index(goal)] = nearest_m
         if before.plants_total == len(self._world.plants):
-            self._source.restore_plants(self._crushed_by, before.treated)
+            self._plants.restore(before)
             return ""
         self._before = None
         return "crushed and treated plants: the field has other plants now"
@@ -171,24 +149,25 @@ class Referee:
     def export_state(self) -> RefereeState:
         """Return the state until now, for the run that continues the job."""
         self._add_to_sums()
+        driven, plants = self._driven, self._plants
         return RefereeState(
             tally=self._tally,
             distance_m=self._distance_m,
-            confusion=tuple(self._confusion.ravel().tolist()),
-            rows=self.rows,
-            worst_m=self._worst_m,
-            slices=tuple(sorted(self._slices)),
+            confusion=tuple(self._masks.confusion.ravel().tolist()),
+            rows=driven.rows,
+            worst_m=driven.worst_m,
+            slices=tuple(sorted(driven.slices)),
             goals_map_m=self._goals_map_m,
             nearest_m=tuple(n if math.isfinite(n) else None for n in self._nearest_m),
-            crushed=tuple(sorted(self._crushed_by)),
-            crushed_by=tuple(int(by) for _, by in sorted(self._crushed_by.items())),
-            brushed=tuple(sorted(self._brushed)),
+            crushed=tuple(sorted(plants.crushed_by)),
+            crushed_by=tuple(int(by) for _, by in sorted(plants.crushed_by.items())),
+            brushed=tuple(sorted(plants.brushed)),
             person_distance_min_m=self._find_person_distance_m(),
-            treated=tuple(sorted(self._treated_plants)),
+            treated=tuple(sorted(plants.treated)),
             worked_m2=self.worked_m2,
-            wet_leaves=self._wet_leaves,
-            offsets_m=self._offsets_m,
-            looks=self._looks,
+            wet_leaves=plants.wet_leaves,
+            offsets_m=plants.offsets_m,
+            looks=plants.looks,
             plants_total=len(self._world.plants),
             safety=self._safety.export_state(),
         )
@@ -196,10 +175,10 @@ class Referee:
     def note_fault(self) -> None:
         """Note that a fault begins: what is crushed from now on counts as after it."""
         if self._safety.crushed_before is None:
-            self._safety.crushed_before = frozenset(self._crushed_by)
+            self._safety.crushed_before = frozenset(self._plants.crushed_by)
 
     def score_safety(self) -> SafetyScore:
-        score = self._safety.score(self.crushed, self._list_crushes())
+        score = self._safety.score(self.crushed, self._plants.list_crushes())
         return msgspec.structs.replace(
             score, person_distance_min_m=self._find_person_distance_m(),
             visits=self._source.visits,
@@ -215,56 +194,49 @@ class Referee:
         for index, goal in enumerate(self._goals_map_m):
             distance_m = math.dist(goal, self._last_xy)
             self._nearest_m[index] = min(self._nearest_m[index], distance_m)
-        row = self._rows.get(record.status.row)
-        if row is not None and record.status.state == "running":
-            self._judge_row(row, x_m, y_m, yaw_rad)
+        row = self._driven.by_index.get(record.status.row)
+        is_running = record.status.state == "running"
+        errors = self._driven.judge(row, x_m, y_m, yaw_rad) if row and is_running else None
+        if errors is not None:
+            self._row_errors.append(errors)
         if record.estimate.ok:
             self._judge_estimate(record, x_m, y_m, yaw_rad)
 
     def judge_mask(self, frame_index: int, class_id: ByteArray) -> None:
         """Add a predicted class mask (height, width), of any size, to the confusion matrix."""
         truth = self._source.truth_mask(frame_index)
-        if truth is None:
-            return
-        predicted = _resize_nearest(class_id, truth.shape)
-        pairs = truth.astype(np.int64) * 3 + predicted
-        self._confusion += np.bincount(pairs.ravel(), minlength=9).reshape(3, 3)
+        if truth is not None:
+            self._masks.add(truth, class_id)
 
     @property
     def confusion(self) -> npt.NDArray[np.int64]:
         """Pixels of all judged masks, (3, 3): rows the true class, columns the network's."""
-        return self._confusion.copy()
+        return self._masks.confusion
 
     @property
     def rows(self) -> tuple[Row, ...]:
         """The lines of the plants that stand along the rows of the task."""
-        return tuple(self._rows.values())
+        return self._driven.rows
 
     @property
     def has_rows(self) -> bool:
-        return bool(self._rows)
+        return bool(self._driven.by_index)
 
     def list_rows_kept(self, rows_done: Sequence[int]) -> tuple[int, ...]:
-        """Return those of `rows_done` that the robot truly kept within KEPT_ROW_M."""
-        return tuple(row for row in rows_done if self._worst_m.get(row, math.inf) <= KEPT_ROW_M)
+        """Return those of `rows_done` that the robot truly kept."""
+        return self._driven.list_kept(rows_done)
 
     def count_waypoints_kept(self, radius_m: float) -> int:
         """Count the waypoints that the robot truly came near, in any order."""
         return sum(distance_m <= radius_m for distance_m in self._nearest_m)
 
     def compute_coverage_ratio(self) -> float:
-        """Return the share of all row length that was truly driven within KEPT_ROW_M."""
-        total = sum(math.ceil(row_length_m(row) / SLICE_M) for row in self._rows.values())
-        return len(self._slices) / total if total else 0.0
+        """Return the share of all row length that was truly driven."""
+        return self._driven.compute_coverage_ratio()
 
     def compute_iou(self) -> dict[str, float | None]:
         """Return the IoU per class of all judged masks; None for a class that never occurred."""
-        hit = np.diag(self._confusion)
-        union = self._confusion.sum(0) + self._confusion.sum(1) - hit
-        return {
-            plant.name.lower(): float(hit[plant] / union[plant]) if union[plant] else None
-            for plant in PlantClass
-        }
+        return self._masks.compute_iou()
 
     def score_tracking(self) -> TrackingScore:
         self._add_to_sums()
@@ -278,9 +250,9 @@ class Referee:
             heading_rms_rad=compute_root_mean(tally.heading_rad2, tally.row_ticks),
             distance_m=self._distance_m,
             plants_total=sum(p.plant == PlantClass.CROP for p in self._world.plants),
-            plants_crushed=len(self._crushed_by),
-            plants_crushed_by=self._count_crushed(),
-            plants_brushed=len(self._brushed),
+            plants_crushed=len(self._plants.crushed_by),
+            plants_crushed_by=self._plants.count_crushed(),
+            plants_brushed=len(self._plants.brushed),
         )
 
     def score_estimate(self) -> EstimateScore:
@@ -294,8 +266,8 @@ class Referee:
 
     def compute_worked_area_ratio(self, rows_done: Sequence[int]) -> float | None:
         """Divide the worked ground by that of the finished rows, each as wide as their pitch."""
-        pitch_m = self._measure_row_pitch_m()
-        area_m2 = sum(row_length_m(self._rows[index]) * pitch_m for index in rows_done)
+        rows, pitch_m = self._driven.by_index, self._driven.pitch_m
+        area_m2 = sum(row_length_m(rows[index]) * pitch_m for index in rows_done)
         return self.worked_m2 / area_m2 if area_m2 else None
 
     def score_weeds(
@@ -310,14 +282,15 @@ class Referee:
         Crops hit are those of the whole world, untreated weeds those of all rows. `not_passed` is
         why ground of the rows was not driven.
         """
-        strips, pitch_m = [self._rows[index] for index in rows_done], self._measure_row_pitch_m()
+        strips = [self._driven.by_index[index] for index in rows_done]
+        pitch_m, job = self._driven.pitch_m, self._plants
         plants = self._world.plants
         weed = match_plants(PlantClass.WEED, weeds, plants, strips, pitch_m)
         crop = match_plants(PlantClass.CROP, crops, plants, strips, pitch_m)
         along = [m for m in weeds if is_in_strips(m.x_map_m, m.y_map_m, strips, pitch_m)]
-        offsets_m = [*self._offsets_m.values()]
+        offsets_m = [*job.offsets_m.values()]
         passage = self._describe_passage(not_passed)
-        true = TrueWeeds(plants, self.rows, pitch_m, self._treated_plants)
+        true = TrueWeeds(plants, self.rows, pitch_m, job.treated)
         in_row, between_rows = true.share_by_rows(strips)
         return WeedScore(
             truth=weed.truth,
@@ -333,16 +306,16 @@ class Referee:
             crop_recall=crop.recall,
             stem_error_p95_m=find_percentile(weed.distances_m + crop.distances_m, 95.0),
             treated=sum(m.treated_s is not None for m in along),
-            treated_true=self._count_treated(PlantClass.WEED, strips, pitch_m),
-            crops_hit=self._count_treated(PlantClass.CROP),
+            treated_true=job.count_treated(PlantClass.WEED, strips, pitch_m),
+            crops_hit=job.count_treated(PlantClass.CROP),
             worked_area_ratio=self.compute_worked_area_ratio(rows_done),
             left=count_left(along, passage),
-            crop_leaves_wet_ratio=self._compute_wet_ratio(strips, pitch_m),
+            crop_leaves_wet_ratio=job.compute_wet_ratio(strips, pitch_m),
             tool_offset_p50_m=find_percentile(offsets_m, 50.0),
             tool_offset_p90_m=find_percentile(offsets_m, 90.0),
             in_row=in_row,
             between_rows=between_rows,
-            untreated=true.count_untreated(PlantsOnMap(weeds, crops), passage, self._looks),
+            untreated=true.count_untreated(PlantsOnMap(weeds, crops), passage, job.looks),
         )
 
     def _describe_passage(self, not_passed: str) -> Passage:
@@ -352,42 +325,10 @@ class Referee:
 
         def is_passed(row: Row, along_m: float) -> bool:
             ends_m = along_m - reach_m, along_m + reach_m
-            return all((row.index, _find_slice(row, end_m)) in self._slices for end_m in ends_m)
+            return all(self._driven.is_driven(row, end_m) for end_m in ends_m)
 
         width_m = None if spec is None else spec.width_m
         return Passage(self.rows, is_passed, width_m, not_passed)
-
-    def _compute_wet_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
-        """Return the mean share of leaf area of the crops along rows that got wet."""
-        wet, plants = self._wet_leaves, self._world.plants
-        shares = [
-            wet.get(index, 0.0)
-            for index, plant in enumerate(plants)
-            if plant.plant == PlantClass.CROP
-            and is_in_strips(plant.x_map_m, plant.y_map_m, strips, pitch_m)
-        ]
-        return sum(shares) / len(shares) if shares else None
-
-    @property
-    def _wet_leaves(self) -> dict[int, float]:
-        """Return the wet shares of leaf area; those of an earlier run count where they are more."""
-        before = self._before.wet_leaves if self._before else {}
-        now = self._source.wet_leaves
-        return {i: max(before.get(i, 0.0), now.get(i, 0.0)) for i in sorted({*before, *now})}
-
-    @property
-    def _offsets_m(self) -> dict[int, float]:
-        before = self._before.offsets_m if self._before else {}
-        now = self._source.offsets_m
-        far = math.inf
-        return {i: min(before.get(i, far), now.get(i, far)) for i in sorted({*before, *now})}
-
-    @property
-    def _looks(self) -> dict[int, int]:
-        """Return how many pictures of the whole job showed each plant well enough to be seen."""
-        before = self._before.looks if self._before else {}
-        now = self._source.looks
-        return {i: before.get(i, 0) + now.get(i, 0) for i in sorted({*before, *now})}
 
     def _find_person_distance_m(self) -> float | None:
         """Return how near the robot came to a person, in the runs before this one as well."""
@@ -398,41 +339,7 @@ class Referee:
     @property
     def crushed(self) -> set[int]:
         """Crops crushed in the whole job, as indices into the world's plants."""
-        return set(self._crushed_by)
-
-    @property
-    def _crushed_by(self) -> dict[int, Part]:
-        """Crushed crops, in the runs before this one as well, and what crushed each first."""
-        by = self._source.plants.crushed_by
-        now = {index: Part(by[index]) for index in self._source.crushed}
-        before = self._before
-        if before is None:
-            return now
-        wheel = (Part.WHEEL,) * len(before.crushed)
-        return now | dict(zip(before.crushed, map(Part, before.crushed_by or wheel), strict=True))
-
-    def _list_crushes(self) -> list[tuple[int, Crush]]:
-        """List the crops that this run crushed, when and by what."""
-        states = self._source.plants
-        times = [(index, float(states.crushed_s[index])) for index in self._source.crushed]
-        return [
-            (index, Crush(t_s=t_s, by=Part(states.crushed_by[index]).name.lower()))
-            for index, t_s in times
-            if t_s > 0.0  # those of earlier runs lie from the beginning
-        ]
-
-    @property
-    def _brushed(self) -> set[int]:
-        brushed = self._source.brushed.union(self._before.brushed if self._before else ())
-        return brushed - set(self._crushed_by)
-
-    def _count_crushed(self) -> CrushedCount:
-        by = list(self._crushed_by.values())
-        return CrushedCount(**{part.name.lower(): by.count(part) for part in Part})
-
-    @property
-    def _treated_plants(self) -> set[int]:
-        return set(self._source.treated).union(self._before.treated if self._before else ())
+        return set(self._plants.crushed_by)
 
     def _add_to_sums(self) -> None:
         """Add the newest errors to the sums."""
@@ -444,31 +351,6 @@ class Referee:
         self._row_errors, self._estimate_errors = GrowingTable(2), GrowingTable(3)
         self._pose_covs = GrowingTable(9)
 
-    def _restore_row(self, then: Row, before: RefereeState) -> None:
-        """Restore a row where one of the same place exists, of any number and direction."""
-        for row in self._rows.values():
-            ends = row.start_map_m, row.end_map_m
-            is_same = _is_near(ends, (then.start_map_m, then.end_map_m))
-            if not is_same and not _is_near(ends, (then.end_map_m, then.start_map_m)):
-                continue
-            if then.index in before.worst_m:
-                self._worst_m[row.index] = before.worst_m[then.index]
-            last = math.ceil(row_length_m(row) / SLICE_M) - 1
-            places = [place for index, place in before.slices if index == then.index]
-            self._slices |= {(row.index, p if is_same else last - p) for p in places}
-
-    def _judge_row(self, row: Row, x_m: float, y_m: float, yaw_rad: float) -> None:
-        along_m, across_m, row_yaw_rad = map(float, project_on_row(row, x_m, y_m))
-        if not 0.0 <= along_m <= row_length_m(row):
-            return
-        heading = wrap_rad(yaw_rad - row_yaw_rad)
-        if abs(heading) > math.pi / 2:  # driven against the row's direction
-            heading = wrap_rad(heading - math.pi)
-        self._row_errors.append((across_m, heading))
-        self._worst_m[row.index] = max(self._worst_m.get(row.index, 0.0), abs(across_m))
-        if abs(across_m) <= KEPT_ROW_M:
-            self._slices.add((row.index, _find_slice(row, along_m)))
-
     def _judge_estimate(self, record: TickRecord, x_m: float, y_m: float, yaw_rad: float) -> None:
         estimate = record.estimate
         yaw_error_rad = wrap_rad(estimate.yaw_map_rad - yaw_rad)
@@ -476,41 +358,3 @@ class Referee:
             (estimate.x_map_m - x_m, estimate.y_map_m - y_m, yaw_error_rad)
         )
         self._pose_covs.append(estimate.pose_cov)
-
-    def _measure_row_pitch_m(self) -> float:
-        """Return the distance between neighbouring rows; a lone row counts as one metre wide."""
-        rows = [self._rows[index] for index in sorted(self._rows)]
-        if len(rows) < 2:
-            return 1.0
-        return abs(float(project_on_row(rows[0], *rows[1].start_map_m).left_m))
-
-    def _count_treated(
-        self, kind: PlantClass, strips: Sequence[Row] | None = None, pitch_m: float = 0.0
-    ) -> int:
-        """Count the plants that the implement worked on, in `strips` only if given."""
-        treated = [self._world.plants[index] for index in self._treated_plants]
-        return sum(
-            p.plant == kind
-            and (strips is None or is_in_strips(p.x_map_m, p.y_map_m, strips, pitch_m))
-            for p in treated
-        )
-
-
-def _is_near(
-    ends: tuple[tuple[float, float], tuple[float, float]],
-    others: tuple[tuple[float, float], tuple[float, float]],
-) -> bool:
-    return all(math.dist(*pair) <= SAME_PLACE_M for pair in zip(ends, others, strict=True))
-
-
-def _find_slice(row: Row, along_m: float) -> int:
-    """Find the slice of a row, or that of its end, for a place along it or beyond."""
-    last = math.ceil(row_length_m(row) / SLICE_M) - 1
-    return min(max(int(along_m / SLICE_M), 0), last)
-
-
-def _resize_nearest(mask: ByteArray, shape: tuple[int, ...]) -> ByteArray:
-    rows = (np.arange(shape[0]) + 0.5) * mask.shape[0] / shape[0]
-    cols = (np.arange(shape[1]) + 0.5) * mask.shape[1] / shape[1]
-    picked: ByteArray = mask[rows.astype(int)[:, None], cols.astype(int)[None]]
-    return picked
