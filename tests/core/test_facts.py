@@ -113,7 +113,7 @@ def test_the_same_fact_in_german_has_the_same_numbers() -> None:
     assert render(silent, "de") == (
         "das Schütz antwortet nicht: seit 0,52 s > 0,30 s stumm; Leitung und Stecker prüfen"
     )
-    with pytest.raises(ValueError, match=r"no texts in 'xx'; choose one of en, de"):
+    with pytest.raises(ValueError, match=r"no texts in 'xx'; choose one of en, de, hi"):
         render(silent, "xx")
 
 

@@ -24,7 +24,7 @@ import msgspec
 
 from agribot.core.facts import Fact, PluginFact
 
-LANGUAGES = ("en", "de")
+LANGUAGES = ("en", "de", "hi")
 UNKNOWN = "?"  # a value that is not known
 _SCALES = {"d": math.degrees(1.0), "k": 1e-3, "m": 1e3}
 
