@@ -69,7 +69,9 @@ def test_two_facts_are_the_same_while_only_their_numbers_change() -> None:
 
 
 @pytest.mark.wording
-@pytest.mark.parametrize("name", ["", "sensors", "the lost row", "{off_m}", "stopped by Ann; 3 m"])
+@pytest.mark.parametrize(
+    "name", ["", "mark", "sensors", "the lost row", "{off_m}", "stopped by Ann; 3 m"]
+)
 def test_a_name_is_a_name_and_nothing_else(name: str) -> None:
     stopped = StoppedBy(name)
     assert (stopped.code, stopped.parts, stopped.numbers) == ("stopped_by", (), {})

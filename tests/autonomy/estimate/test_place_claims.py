@@ -71,7 +71,7 @@ def test_a_robot_was_moved_to_its_mark_and_rows_without_a_mark_are_no_matter_of_
 def test_the_odd_one_out_is_named(places_m: dict[str, complex], found: StartAside) -> None:
     judged = judge(**places_m)
     assert judged is not None and is_like(judged, found, within=0.01)
-    part = {"gnss": "gnss", "mark": "start", "rows": "camera"}[found.by]
+    part = {"gnss": "gnss", "mark": "start", "rows": "camera"}[found.accuser]
     assert judged.parts == ((part,) if len(found.against) > 1 else (part, "start"))
 
 
@@ -83,7 +83,7 @@ def test_a_robot_that_was_moved_while_it_was_off_starts_from_its_mark(left_m: co
 def test_a_third_claim_shows_a_fix_that_the_mark_alone_lets_pass() -> None:
     assert judge(gnss=0.15 + 0j, mark=0j) is None
     found = judge(gnss=0.15 + 0j, mark=0j, left=0.01j)
-    assert found is not None and found.by == "gnss"
+    assert found is not None and found.accuser == "gnss"
 
 
 def test_rows_say_nothing_about_the_place_along_them() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import msgspec
+
 from agribot.core.facts.base import Fact, Part, Severity, Side, Where
 
 if TYPE_CHECKING:
@@ -63,7 +65,7 @@ class FarFromMap(Fact, frozen=True):
 
 
 class StartAside(Fact, frozen=True):
-    """What is known of the start contradicts itself: `by` one source the robot is elsewhere.
+    """What is known of the start contradicts itself: by `accuser` the robot is elsewhere.
 
     One other source alone is `against` it, which leaves open which of the two is wrong, or more.
     """
@@ -71,19 +73,19 @@ class StartAside(Fact, frozen=True):
     off_m: float
     direction: str
     limit_m: float
-    by: PlaceSource = "gnss"
+    accuser: PlaceSource = msgspec.field(default="gnss", name="by")
     against: tuple[PlaceSource, ...] = ("mark",)
 
     @property
     def parts(self) -> tuple[Part, ...]:
         """The part of the odd one out, or of both."""
-        sources = (self.by, *self.against) if len(self.against) == 1 else (self.by,)
+        sources = (self.accuser, *self.against) if len(self.against) == 1 else (self.accuser,)
         return tuple(dict.fromkeys(_PARTS[source] for source in sources))
 
     @property
     def variant(self) -> str:
-        is_open = self.by == "gnss" and self.against in (("mark",), ("left",))
-        return f"{self.by}_{self.against[0]}" if is_open else self.by
+        is_open = self.accuser == "gnss" and self.against in (("mark",), ("left",))
+        return f"{self.accuser}_{self.against[0]}" if is_open else self.accuser
 
 
 class StartTurned(Fact, frozen=True):

@@ -108,7 +108,7 @@ def _accuse(one: PlaceClaim, other: PlaceClaim) -> StartAside:
     towards = _pair(off_m) / abs(off_m)
     limit_m = AGREE_SIGMA * math.sqrt(towards @ (one.cov_m2 + other.cov_m2) @ towards)
     return StartAside(
-        abs(off_m), _name_direction(off_m), limit_m, by=one.sources[0], against=other.sources
+        abs(off_m), _name_direction(off_m), limit_m, accuser=one.sources[0], against=other.sources
     )
 
 

@@ -129,7 +129,7 @@ class StartAgreement:
     @property
     def _awaits_fixes(self) -> bool:
         """Whether fixes put the robot elsewhere; else the mark has shown their slow error."""
-        return self.fault is not None and self.fault.by == "gnss"
+        return self.fault is not None and self.fault.accuser == "gnss"
 
     def _follow(self, way_m: complex) -> None:
         """Move the start along until the robot sets off; a robot elsewhere is brought to it."""
