@@ -53,7 +53,7 @@ platform's inbox, so that a recording holds them and a replay repeats them.
 
 A fault, a doubt, a hazard or the cause of a stop is a typed value with a code, the parts at fault,
 a severity and numbers (`core/facts`). Nothing inside compares text; `core/fact_text.py` makes it
-at the edge, from one table for each language (`core/facts.en.toml`, `core/facts.de.toml`).
+at the edge, from one table for each language (`core/facts.en.toml` and others).
 
 ## Frames, time, units
 

@@ -105,6 +105,7 @@ def test_the_robot_corrects_its_pose_by_it_with_its_settings_and_faults(
     assert fact.numbers == {"off_m": pytest.approx(2.0, abs=0.2)}
     assert render(fact) == "beacon range is off by 2.0 m; check the beacon"
     assert render(fact, "de") == "Entfernung zur Bake falsch: 2,0 m; Bake prüfen"
+    assert render(fact, "hi") == render(fact)
     (noticed,) = json.loads((here / "run" / "report.json").read_text())["safety"]["noticed"]
     assert (noticed["code"], noticed["parts"]) == ("beacon.range_off", ["beacon"])
     assert [doubt.sensor for doubt in list_doubts(accused[0].estimate.verdicts)] == ["beacon"]

@@ -110,10 +110,14 @@ def test_the_english_text_says_the_fact_and_what_to_do(fact: Fact | None, text: 
 
 
 @pytest.mark.wording
-def test_the_same_fact_in_german_has_the_same_numbers() -> None:
+def test_the_same_fact_in_another_language_has_the_same_numbers() -> None:
     silent = ContactorSilent(0.52, 0.3)
     assert render(silent, "de") == (
         "das Schütz antwortet nicht: seit 0,52 s > 0,30 s stumm; Leitung und Stecker prüfen"
+    )
+    slow = WheelsWrong(("right_wheel_R", "left_wheel_F"), "slow", 1.25, 4.3)
+    assert render(slow, "hi") == (
+        "पीछे दाएँ और आगे बाएँ वाले पहिए बहुत धीरे घूमते हैं: 4.3 की जगह 1.2 rad/s; मोटर, गियर और एन्कोडर जाँचें"
     )
     with pytest.raises(ValueError, match=r"no texts in 'xx'; choose one of en, de, hi"):
         render(silent, "xx")
@@ -138,6 +142,24 @@ def test_each_language_has_every_fact_with_the_same_variants_and_fields(language
         for mine, theirs in ((entry.text, original.text), (entry.do, original.do)):
             if isinstance(mine, dict) and isinstance(theirs, dict):
                 assert set(mine) == set(theirs), code
+
+
+@pytest.mark.wording
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_a_language_has_its_own_word_for_each_that_a_text_takes(language: str) -> None:
+    table = load_table(language)
+    for kind in KINDS:
+        entry = table.facts[str(kind.__struct_config__.tag)]
+        for name in list_fields(entry.text) | list_fields(entry.do):
+            words = list_words(typing.get_type_hints(kind, vars(facts))[name])
+            assert words <= set(table.words.get(name, ())), (kind, name)
+
+
+def list_words(hint: Any) -> set[str]:
+    """The words that a field takes, where they are few."""
+    if typing.get_origin(hint) is typing.Literal:
+        return set(typing.get_args(hint))
+    return set().union(*map(list_words, typing.get_args(hint)))
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

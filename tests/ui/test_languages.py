@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from starlette.requests import Request
 
-from agribot.core.fact_text import render
+from agribot.core.fact_text import LANGUAGES, render
 from agribot.core.facts import (
     ErrandRefused,
     GnssSilent,
@@ -76,7 +76,7 @@ def read_texts(state: dict[str, Any]) -> list[str]:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_a_page_gets_every_text_in_its_language_and_no_fact(language: str) -> None:
     channel = Channel("sim")
     channel.publish_state(make_told())
@@ -137,7 +137,7 @@ def test_a_refused_request_is_answered_in_the_language_that_it_asks_for() -> Non
 
 
 def test_a_page_that_asks_for_an_unknown_language_reads_english() -> None:
-    assert [find_language(one) for one in ("de", "en", "xx", "")] == ["de", "en", "en", "en"]
+    assert [find_language(one) for one in ("hi", "xx", "")] == ["hi", "en", "en"]
 
 
 def test_every_fact_of_a_message_stands_beside_its_text() -> None:

@@ -11,14 +11,12 @@ interface Table {
 
 const TABLES = {
   en: async (): Promise<Table> => ({ texts: en, names: {} }),
-  de: async (): Promise<Table> => {
-    const { de, names } = await import('./texts/de.ts')
-    return { texts: de, names }
-  },
+  de: (): Promise<Table> => import('./texts/de.ts'),
+  hi: (): Promise<Table> => import('./texts/hi.ts'),
 }
 export type Language = keyof typeof TABLES
 /** Each by its own name. */
-export const LANGUAGES: Record<Language, string> = { en: 'English', de: 'Deutsch' }
+export const LANGUAGES: Record<Language, string> = { en: 'English', de: 'Deutsch', hi: 'हिन्दी' }
 const KEPT = 'language'
 const PLAIN_DIGITS = 6
 const NUMBER = /\d+(?:\.\d+)?/g

@@ -4,8 +4,9 @@ import { join } from 'node:path'
 import { after, test } from 'node:test'
 import { bytes, metres } from '../src/format.ts'
 import { decimals, findLanguage, many, say, useLanguage } from '../src/say.ts'
-import { de } from '../src/texts/de.ts'
+import * as de from '../src/texts/de.ts'
 import { en } from '../src/texts/en.ts'
+import * as hi from '../src/texts/hi.ts'
 import type { Forms, Key } from '../src/texts/types.ts'
 
 after(() => useLanguage('en'))
@@ -29,25 +30,28 @@ test('every text is shown somewhere', () => {
   )
 })
 
-test('a text has the same values in each language, in the singular too', () => {
-  const values = (text: string | Forms): string[][] => formsOf(text).map(namesIn)
-  assert.deepEqual(
-    KEYS.filter((key) => JSON.stringify(values(de[key])) !== JSON.stringify(values(en[key]))),
-    [],
-  )
-})
+for (const [language, { texts }] of Object.entries({ de, hi })) {
+  test(`a text has the same values in ${language}, in the singular too`, () => {
+    const values = (text: string | Forms): string[][] => formsOf(text).map(namesIn)
+    assert.deepEqual(
+      KEYS.filter((key) => JSON.stringify(values(texts[key])) !== JSON.stringify(values(en[key]))),
+      [],
+    )
+  })
 
-test('no sentence is the same in German', () => {
-  const isSentence = (text: string): boolean => (text.match(/\b[a-z]{2,}\b/g) ?? []).length > 2
-  assert.deepEqual(
-    KEYS.filter((key) => formsOf(en[key]).some((text) => isSentence(text) && formsOf(de[key]).includes(text))),
-    [],
-  )
-})
+  test(`no sentence is the English one in ${language}`, () => {
+    const isSentence = (text: string): boolean => (text.match(/\b[a-z]{2,}\b/g) ?? []).length > 2
+    assert.deepEqual(
+      KEYS.filter((key) => formsOf(en[key]).some((text) => isSentence(text) && formsOf(texts[key]).includes(text))),
+      [],
+    )
+  })
+}
 
 test('the language is the one that was chosen, else the first of the browser’s that is known', () => {
   assert.equal(findLanguage('de', ['en-GB']), 'de')
   assert.equal(findLanguage(null, ['fr-FR', 'de-AT', 'en']), 'de')
+  assert.equal(findLanguage(null, ['hi-IN', 'en-IN']), 'hi')
   assert.equal(findLanguage('xx', ['fr']), 'en')
 })
 
@@ -64,4 +68,10 @@ test('German has its own plural, decimals and thousands', async () => {
   assert.equal(many(12345), '12.345')
   await useLanguage('en')
   assert.equal(metres(12.34), '12.3 m')
+})
+
+test('Hindi has its own plural, Latin digits and lakhs', async () => {
+  await useLanguage('hi')
+  assert.deepEqual([say('countRow', { count: 1 }), say('countRow', { count: 3 })], ['1 कतार', '3 कतारें'])
+  assert.deepEqual([metres(12.34), many(1_234_567)], ['12.3 m', '12,34,567'])
 })

@@ -2,7 +2,7 @@
 
 import type { Texts } from './types.ts'
 
-export const de: Texts = {
+export const texts: Texts = {
   // Words of several screens
   cancel: 'Abbrechen',
   close: 'Schließen',

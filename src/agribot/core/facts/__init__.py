@@ -12,7 +12,7 @@ A fault, a doubt, a contradiction, a hazard, a stop's cause and a state's reason
 `None` stands for "nothing found". Nothing inside the program compares, masks or parses text: two
 facts are the same while their `kind` is, which leaves out the numbers, and what a fact is about is
 asked by `parts`, its class or its code. `fact_text.render` alone makes text, from one table for
-each language (`facts.en.toml`, `facts.de.toml`): at the edge, for the page, logs, reports, ROS and
+each language (`facts.en.toml` and others): at the edge, for the page, logs, reports, ROS and
 the text fields of messages. A new fact is a class in one of these modules and a section in each
 table; a test compares codes and placeholders.
 
