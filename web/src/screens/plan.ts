@@ -252,7 +252,7 @@ function verdict(reply: PlanReply): HTMLElement[] {
   if (reply.ok) return [el('p', { class: 'tag good' }, say('planIsGood')), el('p', {}, figures), ...leftOut(reply)]
   return [
     el('p', { class: 'tag bad' }, say('planIsBad')),
-    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', { lang: langOf(text) }, text))),
+    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text))),
     ...leftOut(reply),
   ]
 }

@@ -123,7 +123,7 @@ export const texts: Texts = {
   operator: 'ऑपरेटर',
   connected: 'जुड़े',
   status: 'स्थिति',
-  stopPressed: 'दबा हुआ',
+  stopPressed: 'लगी है',
   stopClear: 'नहीं',
   operatorIs: 'ऑपरेटर: {name}',
   linkDown: 'टूटा',
