@@ -6,6 +6,7 @@ import ast
 import math
 import typing
 from collections.abc import Callable, Collection
+from functools import cache
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -151,8 +152,13 @@ def test_a_language_has_its_own_word_for_each_that_a_text_takes(language: str) -
     for kind in KINDS:
         entry = table.facts[str(kind.__struct_config__.tag)]
         for name in list_fields(entry.text) | list_fields(entry.do):
-            words = list_words(typing.get_type_hints(kind, vars(facts))[name])
+            words = list_words(read_hints(kind)[name])
             assert words <= set(table.words.get(name, ())), (kind, name)
+
+
+@cache
+def read_hints(kind: type[Fact]) -> dict[str, Any]:
+    return typing.get_type_hints(kind, vars(facts))
 
 
 def list_words(hint: Any) -> set[str]:
@@ -172,7 +178,7 @@ def test_every_fact_has_a_text_for_each_value_of_its_fields(language: str) -> No
 def list_samples(kind: type[Fact]) -> list[Fact]:
     """Make facts of a class with every word that its fields take, and both truths."""
     samples: list[dict[str, Any]] = [{}]
-    for name, hint in typing.get_type_hints(kind, vars(facts)).items():
+    for name, hint in read_hints(kind).items():
         if name in kind.__struct_fields__:
             samples = [{**one, name: value} for one in samples for value in list_values(hint)]
     return [kind(**one) for one in samples]

@@ -9,7 +9,8 @@ interface Table {
   names: Readonly<Record<string, string>>
 }
 
-const TABLES = {
+/** Read when the page uses one. */
+export const TABLES = {
   en: async (): Promise<Table> => ({ texts: en, names: {} }),
   de: (): Promise<Table> => import('./texts/de.ts'),
   hi: (): Promise<Table> => import('./texts/hi.ts'),
