@@ -349,7 +349,7 @@ export const texts: Texts = {
   failed: 'असफल',
   filesMore: '{count} और',
   timeInTheRecording: 'रिकॉर्डिंग में समय',
-  backToLive: 'अभी पर लौटें',
+  backToLive: 'लाइव पर लौटें',
   // Settings
   screenSettings: 'सेटिंग',
   readingTheSettings: 'सेटिंग पढ़ी जा रही हैं…',
@@ -361,7 +361,7 @@ export const texts: Texts = {
   theme: 'रंग',
   language: 'भाषा',
   settingRange: '{min} से {max} तक।',
-  settingDefault: 'शुरू में {value}।',
+  settingDefault: 'मूल मान {value}।',
   settingIsNow: '{name} अब {value} है।',
   // Calibration
   calibration: 'कैलिब्रेशन',
