@@ -78,6 +78,21 @@ def test_a_row_of_which_most_but_not_all_is_bare_says_nothing_of_the_others() ->
     assert (status.rows_done, status.rows_unproven) == ((0,), (1,))
 
 
+@pytest.mark.parametrize(
+    ("driven_m", "done", "unproven"), [(2.2, (), [0, 1]), (1.8, (0,), [])], ids=["most", "less"]
+)
+def test_a_row_given_up_on_bare_ground_undoes_those_told_by_counting_once_most_of_it_is_driven(
+    driven_m: float, done: tuple[int, ...], unproven: list[int]
+) -> None:
+    log = RowLog([0, 1])
+    stretches: tuple[tuple[int, float, Doubt], ...] = ((0, 4.0, ""), (1, driven_m, "unseen"))
+    for row, length_m, doubt in stretches:
+        for at_m in (0.0, length_m):
+            log.work(row, 0.0, 10.0 * row + at_m, 0.0, doubt, is_counted=True)
+    log.give_up(length_m=4.0)
+    assert (log.done, sorted(log.unproven)) == (done, unproven)
+
+
 def test_a_gap_in_the_row_does_not_undo_it() -> None:
     status = drive(mission(), lambda _, in_row_m: {"row_seen": not 1.0 < in_row_m < 2.5})
     assert (status.state, status.fact) == ("done", None)

@@ -34,9 +34,9 @@ from agribot.core.facts import (
     RowsUnproven,
     WaypointsMissed,
 )
-from agribot.core.messages import Estimate, MissionState, Path
+from agribot.core.messages import Estimate, MissionState, Path, Row
 from agribot.core.pose import Pose2
-from agribot.core.row_shape import chord_yaw_rad
+from agribot.core.row_shape import chord_yaw_rad, row_length_m
 
 Ending = Literal["done", "cancelled", "failed"]  # end of a mission
 MOST_NAMED = 3  # rows without evidence
@@ -155,7 +155,7 @@ class MissionJob:
         nudged_m = self.rows.nudged_m(row)
         if not nudged_m:
             return estimate
-        line = next(each for each in self.task.rows if each.index == row)
+        line = self._find_row(row)
         return estimate.relate_to_aside(chord_yaw_rad(line), nudged_m)
 
     @property
@@ -165,7 +165,7 @@ class MissionJob:
 
     def _read_along(self, row: int) -> float:
         """1.0 where the robot drives a row in its direction, -1.0 against it."""
-        line = next(each for each in self.task.rows if each.index == row)
+        line = self._find_row(row)
         is_along = math.cos(self.route.yaw_map_rad - chord_yaw_rad(line)) >= 0.0
         return 1.0 if is_along else -1.0
 
@@ -213,6 +213,11 @@ class MissionJob:
         if leaves_out:
             self.skip_row()
 
+    def give_up_row(self) -> None:
+        """Judge the row under the robot, if any: it stands there and waits for a person."""
+        if self.rows.here >= 0:
+            self.rows.give_up(row_length_m(self._find_row(self.rows.here)))
+
     def step_back(self, back_m: float) -> None:
         """Go on from `back_m` behind on the route, in the same row or turn, after backing out."""
         route, index = self.route, self.route.progress.index
@@ -246,6 +251,9 @@ class MissionJob:
         if row < 0 or self.rows.is_skipped(row):
             return False
         return not self._covered.was_worked(row, *self._tool_m)
+
+    def _find_row(self, index: int) -> Row:
+        return next(row for row in self.task.rows if row.index == index)
 
     def _make_route(self, path: Path) -> Route:
         return Route(path, self.rows.indices, self._config, self._waypoints, self.task.tool)

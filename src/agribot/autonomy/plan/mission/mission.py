@@ -71,6 +71,7 @@ from agribot.core.facts import (
     GoalAwaited,
     InNoRow,
     NewTask,
+    NoHeadway,
     NoOtherTask,
     NoPlaces,
     NothingPlanned,
@@ -664,12 +665,18 @@ class Mission:
             self._recover(state, estimate)
         if self._state is not state:
             return
-        stalled = self._watch.check_headway(route, estimate.t_s, reason)
-        if stalled and self._in_way is not None:
+        if stalled := self._watch.check_headway(route, estimate.t_s, reason):
+            self._stall(state, stalled)
+
+    def _stall(self, state: Driving | OnErrand, stalled: NoHeadway) -> None:
+        """Wait for a person where something is in the way or crop may be; else end."""
+        if self._in_way is not None:
             self._pause(ObstacleStays(stalled.limit_s, self._in_way), by_itself=True)
-        elif stalled and self._watch.is_guarding:
+        elif self._watch.is_guarding:
+            if isinstance(state, Driving):
+                state.job.give_up_row()
             self._pause(stalled, by_itself=True)
-        elif stalled:
+        else:
             self._end("failed", stalled)
 
     def _lead_on(self, job: MissionJob) -> bool:

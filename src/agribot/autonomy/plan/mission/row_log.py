@@ -173,6 +173,16 @@ class RowLog:
         self.done = tuple(index for index in self.done if index not in doubted)
         self.unproven += tuple(doubted)
 
+    def give_up(self, length_m: float) -> None:
+        """Judge the row of that length under the robot, which gets no farther in it.
+
+        Where the larger part of it is bare ground, the count of rows is wrong as at its end.
+        """
+        here = self._results.get(self.here)
+        if here is not None and here.is_bare and here.worked_m > UNPROVEN_RATIO * length_m:
+            self._settle(self.here, is_done=False)
+            self._doubt_count()
+
     def object_to(self, row: int) -> RowUnproven:
         """Return what speaks against an unproven row."""
         return self._results[row].objection
