@@ -53,7 +53,7 @@ def _command(
 def _make_law(robot: RobotSpec, strength: SoilStrength, soil: Soil | None = None) -> SoilLaw:
     world = msgspec.structs.replace(make_ground(strength), soil=soil or Soil())
     ground = build_ground_surface(world)
-    return make_soil_law(robot, world, 0.4, ground.make_sunk_grid(), ground.changed)
+    return make_soil_law(robot, world, 0.4, ground.make_sunk_grid())
 
 
 def _first_pass(robot: RobotSpec, law: SoilLaw) -> tuple[float, float]:
@@ -147,18 +147,14 @@ def test_the_second_pass_finds_the_rut_and_rolls_easier(robot: RobotSpec) -> Non
         assert 0.0 < depths_m[0] <= depths_m[1] <= depths_m[2] < 1.6 * depths_m[0]
 
 
-def test_ruts_lie_where_the_wheels_drove_and_whoever_draws_them_is_told(robot: RobotSpec) -> None:
+def test_ruts_lie_where_the_wheels_drove(robot: RobotSpec) -> None:
     physics = Physics(robot, make_ground(TILLED), 2_000_000)
     ground = physics.ground
     before_m = ground.height_m.copy()
-    assert ground.take_changed() is None
     _command(physics, 0.4, 0.0, 3.0)
-    box = ground.take_changed()
-    assert box is not None and ground.take_changed() is None
     lowered_m = before_m - ground.height_m
     np.testing.assert_allclose(lowered_m, ground.sunk_m, atol=1e-12)
-    rows, columns = np.nonzero(lowered_m)
-    assert (rows.min(), rows.max() + 1, columns.min(), columns.max() + 1) == box
+    rows, _ = np.nonzero(lowered_m)
     y_m = ground.y_min_m + ground.resolution_m * rows
     off_m = np.abs(np.abs(y_m) - robot.drive.track_m / 2.0)
     assert off_m.max() < robot.drive.wheel_width_m / 2.0 + 2.0 * ground.resolution_m
@@ -171,7 +167,7 @@ def test_rigid_ground_has_no_ruts_whatever_its_moisture(robot: RobotSpec) -> Non
         world = make_ground(SoilStrength(moisture_ratio=moisture))
         physics = Physics(robot, world, 2_000_000)
         ends.append(_command(physics, 0.4, 0.5, 1.0)[-1])
-        assert physics.ground.height_m.shape == (2, 2) and physics.ground.take_changed() is None
+        assert physics.ground.height_m.shape == (2, 2)
     assert (ends[0] == ends[1]).all()
 
 
