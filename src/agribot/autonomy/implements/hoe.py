@@ -25,8 +25,9 @@ from agribot.core.config import LeafRule, TreatmentConfig
 from agribot.core.errors import ConfigError
 from agribot.core.implement.hoe import DEPTH, HoeSpec
 from agribot.core.implement.kind import ReportLine
-from agribot.core.implement.plants import KnownPlant, PlantMap
+from agribot.core.implement.plants import GroundBox, KnownPlant, PlantMap
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
+from agribot.core.pose import Pose2
 
 BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
@@ -180,7 +181,8 @@ class Hoe:
     ) -> bool:
         x_m = tool.x_map_m - math.sin(tool.yaw_map_rad) * left_m
         y_m = tool.y_map_m + math.cos(tool.yaw_map_rad) * left_m
-        return plants.crop_ground.is_seen(x_m, y_m, tool.yaw_map_rad, half_x_m, half_y_m)
+        box = GroundBox(Pose2(x_m, y_m, tool.yaw_map_rad), half_x_m, half_y_m)
+        return plants.crop_ground.is_seen(box)
 
 
 def _find_around(plants: PlantMap, tool: ToolPose, reach_m: float) -> list[KnownPlant]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from agribot.autonomy.implements.beside_rows import NO_ROWS, REACH_M, RowsAround
 from agribot.autonomy.implements.tool_frame import ToolPose
 from agribot.core.config import LeafRule
-from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
+from agribot.core.implement.plants import Disc, GroundBox, KnownPlant, PlantMap
 from agribot.core.messages import PlantClass
 from agribot.core.pose import Pose2
 
@@ -60,10 +60,11 @@ def spare_leaves(
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
 
     def is_dry(left_m: float) -> bool:
-        place_m = map_from_tool.transform(0.0, left_m)
+        x_m, y_m = map_from_tool.transform(0.0, left_m)
         is_beside = rows.is_beside(left_m, half_x_m, half_y_m)
-        dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
-        return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
+        dry = [Disc(x_m, y_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
+        box = GroundBox(Pose2(x_m, y_m, yaw_rad), half_x_m, half_y_m)
+        return ground.covers(box, dry, stems)
 
     return tuple(
         works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)
