@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 
 from agribot.autonomy.implements.beside_rows import NO_ROWS, REACH_M, RowsAround
-from agribot.autonomy.implements.tool_frame import ToolPose
+from agribot.autonomy.implements.tool_frame import ToolPose, find_crops
 from agribot.core.config import LeafRule
 from agribot.core.implement.plants import Disc, GroundBox, KnownPlant, PlantMap
-from agribot.core.messages import PlantClass
 from agribot.core.pose import Pose2
 
 # Reach of a plant's leaf tips over the radius of a disc of its area, and its maximum, m.
@@ -42,7 +41,7 @@ def spare_leaves(
     map_from_tool = Pose2(*tool)
     reach_m = max(half_x_m + section_y_m[0] + half_y_m + MAX_LEAVES_M, REACH_M)
     ground = plants.crop_ground
-    around = _find_crops(plants, tool, reach_m)
+    around = find_crops(plants, tool, reach_m)
     crops = [
         Disc(plant.x_map_m, plant.y_map_m, _leaf_reach_m(plant))
         for plant in around
@@ -64,12 +63,6 @@ def spare_leaves(
     return tuple(
         works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)
     )
-
-
-def _find_crops(plants: PlantMap, tool: ToolPose, reach_m: float) -> list[KnownPlant]:
-    x_m, y_m, _ = tool
-    around = plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-    return [plant for plant in around if plant.plant == PlantClass.CROP]
 
 
 def _is_alone(crop: Disc, around: Sequence[KnownPlant]) -> bool:
