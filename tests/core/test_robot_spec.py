@@ -24,7 +24,6 @@ from tests.robot_parts import change_drive, make_wheels
 
 WHEEL_RADIUS_M = 0.2
 WHEEL_DROP_M = 0.05
-PITCH_DOWN_RAD = 0.6
 
 DRIVE = change_drive(
     wheel_radius_m=WHEEL_RADIUS_M, wheel_width_m=0.1, track_m=0.8, wheelbase_m=0.5,
