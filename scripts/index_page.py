@@ -24,7 +24,6 @@ an example of each.
 """
 # Names in the menu of the pages that lie in the repository's root.
 OF_ROOT = {name: source for source, name in PAGES.items()}
-SELF = "index.md"
 
 
 def page() -> str:

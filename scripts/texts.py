@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 CODE = ("src", "scripts", "tests", "benchmarks", "examples", "firmware")
 # Files of other languages: their strings and comments.
 OTHERS = ("src/**/*.toml", "src/**/*.xacro", "firmware/**/*.[ch]", "deploy/*")
-WEB = ("web/src/**/*.ts", "web/src/**/*.css", "web/test/**/*.ts", "web/*.html")
+WEB = ("web/src/**/*.ts", "web/src/**/*.css", "web/test/**/*.ts", "web/*.html", "src/**/*.html.j2")
 PAGES = ("docs/**/*.md", "README.md", "CONTRIBUTING.md", "SECURITY.md")
 # Comments, docstrings and names are read in the package alone, text everywhere.
 PACKAGE = "src/"
@@ -27,7 +27,7 @@ _CODE_SPAN = re.compile(r"`[^`]*`")
 _INSERTED = re.compile(r"\{[^{}]*\}")
 _KEY = re.compile(r"""[a-z]*(['"])[a-z0-9_]*\1""")
 _OTHER_TEXT = re.compile(r"""'[^']*'|"[^"]*"|//.*|/\*.*|^ \*.*|#.*|<!--.*|^\s+[^<>={]*$""")
-# Comments and strings of TypeScript and CSS; of HTML, which has little else, all of it.
+# Comments and strings of TypeScript and CSS; of HTML and templates, which have little else, all.
 _WEB_TEXT = re.compile(
     r"""//[^\n]*|/\*.*?\*/|'(?:[^'\\\n]|\\.)*'|"(?:[^"\\\n]|\\.)*"|`(?:[^`\\]|\\.)*`""",
     re.DOTALL,
@@ -114,7 +114,7 @@ def _read_other(name: str, source: str) -> Iterator[Place]:
 
 
 def _read_web(name: str, source: str) -> Iterator[Place]:
-    for found in (_ALL_TEXT if name.endswith(".html") else _WEB_TEXT).finditer(source):
+    for found in (_ALL_TEXT if name.endswith((".html", ".j2")) else _WEB_TEXT).finditer(source):
         first = source.count("\n", 0, found.start()) + 1
         for at, line in enumerate(found.group().splitlines(), first):
             yield Place(name, at, line)

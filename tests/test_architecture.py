@@ -44,7 +44,9 @@ PRIVATE = re.compile(
 REPORTED = {"AgribotError", "Unusable", "Refused", "BadLayer", "_Fault"}
 # What could not be used of labels: the import adds its advice to each.
 ADVISED_ELSEWHERE = {"LabelFileError"}
-TEXT_SUFFIXES = {".py", ".toml", ".md", ".txt", ".yaml", ".yml", ".json", ".xacro", ".urdf", ".cfg"}
+TEXT_SUFFIXES = {
+    ".py", ".toml", ".md", ".txt", ".yaml", ".yml", ".json", ".xacro", ".urdf", ".cfg", ".j2",
+}  # fmt: skip
 
 FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
 

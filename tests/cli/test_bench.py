@@ -7,7 +7,7 @@ import json
 import pytest
 
 from agribot.cli.main import main
-from agribot.cli.tools import bench_all
+from agribot.cli.tools import bench, bench_all
 
 SIM = ("agribot.cli.tools.bench_sim", ("--only", "network_ms"))
 
@@ -60,9 +60,8 @@ def test_all_goes_on_after_a_benchmark_that_cannot_run(
 
 def test_the_short_forms_are_options_that_the_benchmarks_know() -> None:
     import argparse
-    import importlib
 
     for module_name, short in bench_all.SHORT.values():
         parser = argparse.ArgumentParser()
-        importlib.import_module(module_name).add_arguments(parser)
+        bench.add_options(parser, module_name)
         assert parser.parse_args([*short, "--json"]).json

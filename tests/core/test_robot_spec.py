@@ -13,7 +13,6 @@ from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import (
     CameraSpec,
-    DriveSpec,
     Joint,
     Link,
     Origin,
@@ -21,31 +20,16 @@ from agribot.core.robot import (
     SensorMount,
     TyreSpec,
 )
+from tests.robot_parts import change_drive, make_wheels
 
 WHEEL_RADIUS_M = 0.2
 WHEEL_DROP_M = 0.05
-PITCH_DOWN_RAD = 0.6
 
-DRIVE = DriveSpec(
-    wheel_radius_m=WHEEL_RADIUS_M,
-    wheel_width_m=0.1,
-    track_m=0.8,
-    wheelbase_m=0.5,
-    plugin_diameter_m=0.36,
-    plugin_separation_m=0.65,
-    yaw_multiplier=1.5,
-    torque_nm=30.0,
-    gear_ratio=1.0,
-    encoder_ticks_per_rev=1000,
-    command_timeout_s=0.5,
-    max_speed_mps=1.0,
-    max_yaw_rate_radps=1.0,
-    max_accel_mps2=1.0,
-    max_yaw_accel_radps2=2.0,
-    rotor_inertia_kgm2=0.01,
-    servo_gain_nmspr=20.0,
-    rate_hz=100.0,
-)
+DRIVE = change_drive(
+    wheel_radius_m=WHEEL_RADIUS_M, wheel_width_m=0.1, track_m=0.8, wheelbase_m=0.5,
+    plugin_diameter_m=0.36, yaw_multiplier=1.5, torque_nm=30.0, max_yaw_rate_radps=1.0,
+    max_accel_mps2=1.0, max_yaw_accel_radps2=2.0, rotor_inertia_kgm2=0.01, servo_gain_nmspr=20.0,
+)  # fmt: skip
 WHEEL_XY_M = {
     "right_wheel_R": (-0.25, -0.4),
     "left_wheel_R": (-0.25, 0.4),
@@ -92,17 +76,7 @@ def make_robot(camera: CameraSpec | None = CAMERA) -> RobotSpec:
             origin=Origin(xyz_m=(0.0, -0.2, 0.1), rpy_rad=(0.0, 0.0, -math.pi / 2)),
         ),
     ]
-    joints += [
-        Joint(
-            name=f"{name}_joint",
-            kind="continuous",
-            parent="base_link",
-            child=name,
-            origin=Origin(xyz_m=(*WHEEL_XY_M[name], -WHEEL_DROP_M)),
-            axis=(0.0, 1.0, 0.0),
-        )
-        for name in WHEEL_NAMES
-    ]
+    joints += make_wheels(0.25, 0.4, -WHEEL_DROP_M, axis=(0.0, 1.0, 0.0))
     mount = SensorMount(link="mast", rate_hz=50.0)
     return RobotSpec(
         name="little",

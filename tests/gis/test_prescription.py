@@ -31,7 +31,6 @@ from tests.gis.weed_maps import DATUM
 from tests.machine import needs
 
 FRAME = MapFrame(DATUM)
-SIDE_M = 40.0
 ZONES_M = {
     120.0: [(0, 0), (20, 0), (20, 40), (0, 40), (0, 0)],
     0.0: [(20, 0), (30, 0), (30, 40), (20, 40), (20, 0)],

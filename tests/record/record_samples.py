@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.messages import (
+    WHEEL_NAMES,
     BaseFix,
     BatterySample,
     BumperSample,
@@ -38,7 +39,6 @@ from agribot.core.messages import (
 )
 from agribot.core.robot import (
     CameraSpec,
-    DriveSpec,
     Joint,
     Link,
     Origin,
@@ -47,18 +47,13 @@ from agribot.core.robot import (
     TyreSpec,
 )
 from tests.asking import ask
+from tests.robot_parts import change_drive, make_wheels
 
 URDF = '<robot name="made_up"><link name="base_link"/></robot>'
 SPEED_MPS = 0.4
 
 
 def robot(with_camera: bool = True) -> RobotSpec:
-    wheels = {
-        "right_wheel_R": (-0.3, -0.39),
-        "left_wheel_R": (-0.3, 0.39),
-        "right_wheel_F": (0.3, -0.39),
-        "left_wheel_F": (0.3, 0.39),
-    }
     fixed = {
         "base_link": ("dummy_link", Origin()),
         "imu_link": ("base_link", Origin(xyz_m=(0.1, 0.0, 0.2))),
@@ -69,32 +64,19 @@ def robot(with_camera: bool = True) -> RobotSpec:
         Joint(name=f"{child}_joint", kind="fixed", parent=parent, child=child, origin=origin)
         for child, (parent, origin) in fixed.items()
     ]
-    joints += [
-        Joint(
-            name=f"{name}_joint",
-            kind="continuous",
-            parent="base_link",
-            child=name,
-            origin=Origin(xyz_m=(x_m, y_m, -0.1)),
-            axis=(0.0, 1.0, 0.0),
-        )
-        for name, (x_m, y_m) in wheels.items()
-    ]
+    joints += make_wheels(0.3, 0.39, -0.1, axis=(0.0, 1.0, 0.0))
     camera = CameraSpec(
         link="camera_link", width_px=64, height_px=48, hfov_rad=1.4, rate_hz=10.0,
         noise_std=0.0, clip_near_m=0.02, clip_far_m=300.0,
     )  # fmt: skip
     return RobotSpec(
         name="made_up",
-        links=tuple(Link(name=name) for name in ("dummy_link", *fixed, *wheels)),
+        links=tuple(Link(name=name) for name in ("dummy_link", *fixed, *WHEEL_NAMES)),
         joints=tuple(joints),
-        drive=DriveSpec(
-            wheel_radius_m=0.09, wheel_width_m=0.05, track_m=0.78, wheelbase_m=0.6,
-            plugin_diameter_m=0.2, plugin_separation_m=0.65, yaw_multiplier=1.6, torque_nm=20.0,
-            gear_ratio=1.0, encoder_ticks_per_rev=1000, command_timeout_s=0.5,
-            max_speed_mps=1.0, max_yaw_rate_radps=1.2, max_accel_mps2=1.0,
-            max_yaw_accel_radps2=3.0, rotor_inertia_kgm2=0.001, servo_gain_nmspr=10.0,
-            rate_hz=100.0,
+        drive=change_drive(
+            wheel_radius_m=0.09, track_m=0.78, wheelbase_m=0.6, plugin_diameter_m=0.2,
+            yaw_multiplier=1.6, torque_nm=20.0, max_yaw_rate_radps=1.2, max_accel_mps2=1.0,
+            max_yaw_accel_radps2=3.0, servo_gain_nmspr=10.0,
         ),
         tyre=TyreSpec(),
         imu=SensorMount(link="imu_link", rate_hz=200.0),

@@ -17,7 +17,7 @@ from agribot.core.messages import PlantClass, Row
 from agribot.gis.weeds.files import write_map
 from agribot.gis.weeds.records import COLUMNS, iterate_records
 from agribot.gis.weeds.styles import STYLES, find_style
-from agribot.record.crop_stand import count_per_metre, find_stand, sum_gaps_m
+from agribot.record.crop_stand import find_stand
 from agribot.record.weed_figures import count_density, find_styles
 from tests.gis.weed_maps import make_map, scatter
 
@@ -37,7 +37,7 @@ def test_a_full_row_has_no_gap() -> None:
     stand = find_stand(crop_at(np.arange(0.0, 10.01, SPACING_M), 0.05), ROW)
     assert stand.spacing_m == pytest.approx(SPACING_M, abs=1e-3)
     assert (len(stand.along_m), len(stand.gaps_m), stand.missing) == (41, 0, 0)
-    assert count_per_metre(stand) == pytest.approx(4.1)
+    assert stand.per_metre == pytest.approx(4.1)
 
 
 def test_plants_that_are_missing_are_a_gap_also_at_the_ends() -> None:
@@ -46,7 +46,7 @@ def test_plants_that_are_missing_are_a_gap_also_at_the_ends() -> None:
     stand = find_stand(crop_at(kept), ROW, SPACING_M)
     assert stand.missing == 4 + 5 + 2
     assert np.abs(stand.gaps_m - [[-0.25, 1.0], [4.75, 6.25], [9.5, 10.25]]).max() < 1e-3
-    assert sum_gaps_m(stand) == pytest.approx(SPACING_M * stand.missing, abs=1e-3)
+    assert stand.bare_m == pytest.approx(SPACING_M * stand.missing, abs=1e-3)
 
 
 def test_weeds_and_crop_beside_the_row_are_no_plants_of_it() -> None:

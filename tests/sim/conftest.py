@@ -1,4 +1,4 @@
-"""A bare rover with the numbers of the original robot, independent of the description reader."""
+"""A bare rover with the numbers of the original robot, not by the reader, and the packaged one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import (
     CameraSpec,
-    DriveSpec,
     Joint,
     Link,
     Origin,
@@ -21,8 +20,9 @@ from agribot.core.robot import (
     TyreSpec,
 )
 from agribot.core.world import WorldSpec
+from agribot.description.loader import load_robot
+from tests.robot_parts import HALF_BASE_M, HALF_TRACK_M, change_drive
 
-HALF_WHEELBASE_M, HALF_TRACK_M = 0.2519, 0.3908
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
 
 
@@ -37,7 +37,7 @@ def _sensor(name: str, xyz_m: tuple[float, float, float]) -> Joint:
 
 
 def _wheel(name: str) -> Joint:
-    x_m = HALF_WHEELBASE_M if name.endswith("F") else -HALF_WHEELBASE_M
+    x_m = HALF_BASE_M if name.endswith("F") else -HALF_BASE_M
     y_m = HALF_TRACK_M if name.startswith("left") else -HALF_TRACK_M
     return Joint(
         name=f"base_link_to_{name}_joint",
@@ -61,26 +61,11 @@ def rover() -> RobotSpec:
         for name in WHEEL_NAMES
     )
     bare = ("dummy_link", "imu_link", "gps_link", "mag_link", "camera_link")
-    drive = DriveSpec(
-        wheel_radius_m=0.09,
-        wheel_width_m=0.05,
-        track_m=2 * HALF_TRACK_M,
-        wheelbase_m=2 * HALF_WHEELBASE_M,
-        plugin_diameter_m=0.2,
-        plugin_separation_m=0.65,
-        yaw_multiplier=1 + (HALF_WHEELBASE_M / HALF_TRACK_M) ** 2,
-        torque_nm=20.0,
-        gear_ratio=10.0,
-        encoder_ticks_per_rev=4096,
-        command_timeout_s=0.5,
-        max_speed_mps=1.0,
-        max_yaw_rate_radps=1.5,
-        max_accel_mps2=1.5,
-        max_yaw_accel_radps2=4.0,
-        rotor_inertia_kgm2=1.42e-3,
-        servo_gain_nmspr=1.0,
-        rate_hz=100.0,
-    )
+    drive = change_drive(
+        wheel_radius_m=0.09, plugin_diameter_m=0.2,
+        yaw_multiplier=1 + (HALF_BASE_M / HALF_TRACK_M) ** 2, torque_nm=20.0, gear_ratio=10.0,
+        encoder_ticks_per_rev=4096, rotor_inertia_kgm2=1.42e-3,
+    )  # fmt: skip
     return RobotSpec(
         name="rover",
         links=(chassis, *wheels, *(Link(name=name) for name in bare)),
@@ -121,6 +106,12 @@ def rover() -> RobotSpec:
             latency_s=0.1,
         ),
     )
+
+
+@pytest.fixture(scope="session")
+def robot() -> RobotSpec:
+    """The packaged robot."""
+    return load_robot()
 
 
 @pytest.fixture(scope="session")

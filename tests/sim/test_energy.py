@@ -9,7 +9,6 @@ import pytest
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.core.world import SoilStrength
-from agribot.description.loader import load_robot
 from agribot.lab.bench.ground import (
     ALONG,
     MACHINES,
@@ -27,11 +26,6 @@ FIRM = SoilStrength(soil_class="firm")
 HUSKY_WH = 24.0 * 20.0
 HUSKY_TYPICAL_H = 3.0
 COMPUTERS_W = 40.0
-
-
-@pytest.fixture(scope="module")
-def robot() -> RobotSpec:
-    return load_robot()
 
 
 def _motor(robot: RobotSpec, regeneration: float = 0.0) -> Motor:

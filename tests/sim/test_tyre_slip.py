@@ -8,10 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
+from agribot.core.messages import WHEEL_NAMES, FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
-from agribot.description.loader import load_robot
 from agribot.sim.physics import Physics
 from agribot.sim.state import (
     ANGULAR,
@@ -22,6 +21,7 @@ from agribot.sim.state import (
     VELOCITY,
     WHEEL_SPEED,
 )
+from tests.sim.holding import hold
 from tests.sim.test_drive_physics import slope
 
 GRAVITY_MPS2 = 9.8
@@ -31,22 +31,6 @@ MEASURED_MULTIPLIERS = {
     "Husky": (1.875, 0.5120, 0.5708, 0.1651),
     "Jackal": (1.5, 0.2620, 0.3756, 0.0980),
 }
-
-
-@pytest.fixture(scope="module")
-def robot() -> RobotSpec:
-    return load_robot()
-
-
-def _drive(
-    physics: Physics, v: float, yaw_rate: float, seconds: float, steps: int = 10
-) -> FloatArray:
-    """All rows of the history while a command is held, twenty milliseconds at a time."""
-    rows = []
-    for _ in range(round(seconds / 0.02)):
-        physics.command(DriveCommand(v_mps=v, yaw_rate_radps=yaw_rate))
-        rows.append(physics.advance(steps)[1:].copy())
-    return np.concatenate(rows)
 
 
 def _powers_w(rows: FloatArray) -> tuple[float, float]:
@@ -84,7 +68,7 @@ def test_no_motor_works_against_another_on_any_slope(
     net_w = []
     for degrees in (0.0, 5.0, 10.0, 15.0):
         physics = Physics(robot, slope(meadow, degrees, yaw_rad), 2_000_000, is_effort=is_effort)
-        net, gross = _powers_w(_drive(physics, 0.4, 0.0, 6.0)[-500:])
+        net, gross = _powers_w(hold(physics, 0.4, 0.0, 6.0)[-500:])
         assert gross == pytest.approx(abs(net), rel=0.02)
         lifted_w = robot.mass_kg * GRAVITY_MPS2 * math.sin(math.radians(degrees)) * climb_mps
         # Besides: half a watt at most for what slips, and for sliding down a trifle across a slope.
@@ -96,7 +80,7 @@ def test_no_motor_works_against_another_on_any_slope(
 
 def test_slip_is_the_force_over_the_slip_stiffness(robot: RobotSpec, meadow: WorldSpec) -> None:
     for degrees, slip in ((0.0, 0.0), (10.0, 0.015), (15.0, 0.022)):
-        rows = _drive(Physics(robot, slope(meadow, degrees), 2_000_000), 0.4, 0.0, 4.0)[-500:]
+        rows = hold(Physics(robot, slope(meadow, degrees), 2_000_000), 0.4, 0.0, 4.0)[-500:]
         push_n = robot.mass_kg * GRAVITY_MPS2 * math.sin(math.radians(degrees))
         push_n += 0.0 if degrees else 0.03 * robot.mass_kg * GRAVITY_MPS2
         assert push_n / _slip_stiffness_n(robot) == pytest.approx(slip, abs=0.003)
@@ -109,7 +93,7 @@ def test_across_a_slope_it_crabs_downhill_by_its_weight_over_the_slip_stiffness(
 ) -> None:
     for degrees in (5.0, 10.0, 15.0):
         # Facing North on a plane that rises to the East: its left is downhill.
-        rows = _drive(Physics(robot, slope(meadow, degrees, ACROSS), 2_000_000), 0.4, 0.0, 4.0)
+        rows = hold(Physics(robot, slope(meadow, degrees, ACROSS), 2_000_000), 0.4, 0.0, 4.0)
         forward_mps, left_mps = _in_body(rows[-500:])
         pull_n = robot.mass_kg * GRAVITY_MPS2 * math.sin(math.radians(degrees))
         assert left_mps / forward_mps == pytest.approx(pull_n / _slip_stiffness_n(robot), abs=1e-3)
@@ -121,8 +105,8 @@ def test_stopped_on_a_slope_after_driving_it_stays(
     robot: RobotSpec, meadow: WorldSpec, yaw_rad: float, is_effort: bool
 ) -> None:
     physics = Physics(robot, slope(meadow, 15.0, yaw_rad), 2_000_000, is_effort=is_effort)
-    _drive(physics, 0.4, 0.0, 1.0)
-    _drive(physics, 0.0, 0.0, 1.5)
+    hold(physics, 0.4, 0.0, 1.0)
+    hold(physics, 0.0, 0.0, 1.5)
     start = physics.history[-1, POSITION].copy()
     end = physics.advance(1500)[-1, POSITION]
     assert np.linalg.norm(end - start) / 3.0 < 0.02e-3
@@ -134,7 +118,7 @@ def test_length_of_the_step_changes_nothing_that_the_robot_does(
 ) -> None:
     def steady(step_ns: int, v: float, yaw_rate: float) -> tuple[float, ...]:
         physics = Physics(robot, meadow, step_ns, is_effort=is_effort)
-        rows = _drive(physics, v, yaw_rate, 2.5, steps=20_000_000 // step_ns)
+        rows = hold(physics, v, yaw_rate, 2.5, steps=20_000_000 // step_ns)
         rows = rows[len(rows) // 2 :]
         assert np.ptp(rows[:, WHEEL_SPEED], axis=0).max() < 0.01
         return *_in_body(rows), rows[:, ANGULAR][:, 2].mean()
@@ -152,7 +136,7 @@ def test_motors_are_as_heavy_as_motors_are(robot: RobotSpec, meadow: WorldSpec) 
     # What a push feels: a third more than the robot weighs, mostly by its wheels.
     weak = msgspec.structs.replace(robot.drive, torque_nm=0.2, max_accel_mps2=50.0)
     physics = Physics(msgspec.structs.replace(robot, drive=weak), meadow, 2_000_000)
-    rows = _drive(physics, 0.8, 0.0, 0.4)
+    rows = hold(physics, 0.8, 0.0, 0.4)
     accel_mps2 = (rows[199, VELOCITY][0] - rows[99, VELOCITY][0]) / 0.2
     push_n = 4 * 0.2 / 0.09 - robot.tyre.rolling_resistance_ratio * robot.mass_kg * GRAVITY_MPS2
     assert 1.2 < push_n / accel_mps2 / robot.mass_kg < 1.5
@@ -167,7 +151,7 @@ def test_a_motor_at_its_limit_does_not_chatter(
     physics = Physics(
         msgspec.structs.replace(robot, drive=weak), meadow, step_ns, is_effort=is_effort
     )
-    rows = _drive(physics, 0.8, 0.0, 2.0, steps=20_000_000 // step_ns)
+    rows = hold(physics, 0.8, 0.0, 2.0, steps=20_000_000 // step_ns)
     speed, target = rows[:, WHEEL_SPEED], rows[:, TARGET]
     assert np.abs(rows[:, EFFORT]).max() == pytest.approx(0.3, rel=1e-6)
     assert speed.max() < 1.15 * target.max()
@@ -215,5 +199,5 @@ def test_machines_turn_as_their_makers_measured(
         joints.append(msgspec.structs.replace(joint, origin=origin) if is_wheel else joint)
     skid = msgspec.structs.replace(rover, drive=drive, joints=tuple(joints))
     for v in (0.0, 0.4):
-        rows = _drive(Physics(skid, meadow, 2_000_000), v, 0.6, 2.5)[-500:]
+        rows = hold(Physics(skid, meadow, 2_000_000), v, 0.6, 2.5)[-500:]
         assert rows[:, ANGULAR][:, 2].mean() == pytest.approx(0.6, rel=0.05)

@@ -10,7 +10,7 @@ import pytest
 
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.core.errors import PlatformError
-from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray, RobotCommand, WheelSample
+from agribot.core.messages import WHEEL_NAMES, DriveCommand, RobotCommand, WheelSample
 from agribot.core.robot import Origin, RobotSpec, Shape
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.physics import Physics
@@ -29,18 +29,10 @@ from agribot.sim.state import (
     WHEEL_SPEED,
     WORK,
 )
+from tests.sim.holding import hold
 from tests.sim.test_drive_physics import slope
 
 STEP_S = 0.002
-
-
-def _run(physics: Physics, v: float, yaw_rate: float, seconds: float) -> FloatArray:
-    """All rows of the history while a command is held."""
-    rows = []
-    for _ in range(round(seconds / 0.02)):
-        physics.command(DriveCommand(v_mps=v, yaw_rate_radps=yaw_rate))
-        rows.append(physics.advance(10)[1:].copy())
-    return np.concatenate(rows)
 
 
 def _with_drive(rover: RobotSpec, **changes: float) -> RobotSpec:
@@ -52,7 +44,7 @@ def _with_drive(rover: RobotSpec, **changes: float) -> RobotSpec:
 def test_speed_on_soil_is_within_five_percent(
     rover: RobotSpec, meadow: WorldSpec, v: float, yaw_rate: float
 ) -> None:
-    rows = _run(Physics(rover, meadow, 2_000_000, is_effort=True), v, yaw_rate, 3.0)[750:]
+    rows = hold(Physics(rover, meadow, 2_000_000, is_effort=True), v, yaw_rate, 3.0)[750:]
     assert rows[:, ANGULAR][:, 2].mean() == pytest.approx(yaw_rate, rel=0.05, abs=1e-3)
     speed = np.hypot(rows[:, VELOCITY][:, 0], rows[:, VELOCITY][:, 1])
     assert speed.mean() == pytest.approx(v, rel=0.05, abs=2e-3)
@@ -61,7 +53,7 @@ def test_speed_on_soil_is_within_five_percent(
 
 def test_step_response_is_quick_and_calm(rover: RobotSpec, meadow: WorldSpec) -> None:
     jumpy = _with_drive(rover, max_accel_mps2=1e3)
-    rows = _run(Physics(jumpy, meadow, 2_000_000, is_effort=True), 0.4, 0.0, 2.0)
+    rows = hold(Physics(jumpy, meadow, 2_000_000, is_effort=True), 0.4, 0.0, 2.0)
     ratio = rows[:, WHEEL_SPEED] / (0.4 / rover.drive.wheel_radius_m)
     rise_s = np.argmax(ratio >= 0.9, axis=0) * STEP_S
     assert 0.005 < rise_s.max() < 0.15
@@ -73,7 +65,7 @@ def test_step_response_is_quick_and_calm(rover: RobotSpec, meadow: WorldSpec) ->
 def test_integral_takes_out_what_friction_costs(rover: RobotSpec, meadow: WorldSpec) -> None:
     def error(i: float) -> float:
         robot = _with_drive(rover, pid_i_nmprad=i)
-        rows = _run(Physics(robot, meadow, 2_000_000, is_effort=True), 0.0, 1.0, 3.0)
+        rows = hold(Physics(robot, meadow, 2_000_000, is_effort=True), 0.0, 1.0, 3.0)
         return float(np.abs(rows[-1, TARGET] - rows[-1, WHEEL_SPEED]).max())
 
     # In a spin each tyre holds up to mu * load * radius: without an integral the wheels lag by
@@ -98,7 +90,7 @@ def test_torque_never_exceeds_the_limit_and_limits_the_acceleration(
 ) -> None:
     weak = _with_drive(rover, torque_nm=0.3, max_accel_mps2=50.0)
     physics = Physics(weak, meadow, 2_000_000, is_effort=True)
-    rows = _run(physics, 1.0, 0.0, 0.4)
+    rows = hold(physics, 1.0, 0.0, 0.4)
     assert np.abs(rows[:, EFFORT]).max() == pytest.approx(0.3, abs=1e-12)
     felt_kg = weak.mass_kg + 4 * (0.0020959 + weak.drive.rotor_inertia_kgm2) / 0.09**2
     rolling_n = weak.tyre.rolling_resistance_ratio * weak.mass_kg * 9.8
@@ -106,7 +98,7 @@ def test_torque_never_exceeds_the_limit_and_limits_the_acceleration(
     expected = (4 * 0.3 / 0.09 - rolling_n) / felt_kg
     assert (speed[199] - speed[99]) / 0.2 == pytest.approx(expected, rel=0.05)
     # And the integral has not wound up meanwhile: it overshoots little.
-    assert _run(physics, 1.0, 0.0, 2.0)[:, VELOCITY][:, 0].max() < 1.1
+    assert hold(physics, 1.0, 0.0, 2.0)[:, VELOCITY][:, 0].max() < 1.1
 
 
 def test_a_motor_behind_its_gear_gives_torque_times_ratio_times_efficiency(
@@ -115,7 +107,7 @@ def test_a_motor_behind_its_gear_gives_torque_times_ratio_times_efficiency(
     weak = _with_drive(
         rover, motor_torque_nm=0.03, gear_ratio=10.0, gear_efficiency_ratio=0.8, max_accel_mps2=50.0
     )
-    rows = _run(Physics(weak, meadow, 2_000_000, is_effort=True), 1.0, 0.0, 0.4)
+    rows = hold(Physics(weak, meadow, 2_000_000, is_effort=True), 1.0, 0.0, 0.4)
     assert np.abs(rows[:, EFFORT]).max() == pytest.approx(0.03 * 10.0 * 0.8, abs=1e-12)
     # The plugin's limit at the wheel still holds where it is the smaller one.
     strong = _with_drive(rover, motor_torque_nm=5.0, gear_ratio=10.0)
@@ -138,7 +130,7 @@ def test_a_bigger_gear_climbs_what_the_motor_alone_cannot(
         rover, motor_torque_nm=0.03, gear_ratio=gear_ratio, gear_efficiency_ratio=0.8
     )
     physics = Physics(weak, slope(meadow, slope_deg), 2_000_000, is_effort=is_effort)
-    up_mps = _run(physics, 0.3, 0.0, 6.0)[-1, VELOCITY][0]
+    up_mps = hold(physics, 0.3, 0.0, 6.0)[-1, VELOCITY][0]
     assert up_mps > 0.25 if climbs else up_mps < 0.0
 
 
@@ -171,7 +163,7 @@ def test_parked_on_a_slope_torque_holds_it(rover: RobotSpec, meadow: WorldSpec) 
 def test_torque_overcomes_rolling_resistance_and_work_adds_it_up(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
-    rows = _run(Physics(rover, meadow, 2_000_000, is_effort=True), 0.4, 0.0, 4.0)[1000:]
+    rows = hold(Physics(rover, meadow, 2_000_000, is_effort=True), 0.4, 0.0, 4.0)[1000:]
     rolling_nm = rover.tyre.rolling_resistance_ratio * rover.mass_kg * 9.8 * 0.09
     assert rows[:, EFFORT].sum(axis=1).mean() == pytest.approx(rolling_nm, rel=0.03)
     power_w = np.abs(rows[1:, EFFORT] * rows[1:, WHEEL_SPEED]).sum(axis=1)
@@ -182,15 +174,15 @@ def test_torque_overcomes_rolling_resistance_and_work_adds_it_up(
 @pytest.mark.parametrize("is_effort", [False, True])
 def test_a_dead_motor_shows_in_a_turn(rover: RobotSpec, meadow: WorldSpec, is_effort: bool) -> None:
     physics = Physics(rover, meadow, 2_000_000, is_effort=is_effort)
-    assert not _run(physics, 0.2, 0.5, 3.0)[:, FAULT].any()
+    assert not hold(physics, 0.2, 0.5, 3.0)[:, FAULT].any()
     physics.limit_torque("left_wheel_F", 0.0)
-    rows = _run(physics, 0.2, 0.8, 2.0)
+    rows = hold(physics, 0.2, 0.8, 2.0)
     dead = WHEEL_NAMES.index("left_wheel_F")
     assert np.flatnonzero(rows[-1, FAULT]).tolist() == [dead]
     assert not rows[: round(0.4 / STEP_S), FAULT].any()
     assert np.abs(rows[:, EFFORT][:, dead]).max() == 0.0
     physics.limit_torque("left_wheel_F", 20.0)
-    assert not _run(physics, 0.2, 0.8, 1.0)[-1, FAULT].any()
+    assert not hold(physics, 0.2, 0.8, 1.0)[-1, FAULT].any()
 
 
 def test_wheels_that_a_wall_holds_are_reported(rover: RobotSpec, meadow: WorldSpec) -> None:
@@ -201,7 +193,7 @@ def test_wheels_that_a_wall_holds_are_reported(rover: RobotSpec, meadow: WorldSp
     )  # fmt: skip
     weak = _with_drive(rover, torque_nm=0.4)  # less than the tyres hold
     physics = Physics(weak, msgspec.structs.replace(meadow, obstacles=(wall,)), 2_000_000)
-    rows = _run(physics, 0.4, 0.0, 4.0)
+    rows = hold(physics, 0.4, 0.0, 4.0)
     assert rows[-1, FAULT].all()
     assert not rows[:250, FAULT].any()
 
@@ -240,6 +232,6 @@ def test_joint_states_come_fifty_times_a_second(rover: RobotSpec, meadow: WorldS
 def test_effort_runs_are_bit_identical(rover: RobotSpec, meadow: WorldSpec) -> None:
     def run() -> bytes:
         physics = Physics(rover, meadow, 2_000_000, is_effort=True)
-        return _run(physics, 0.4, 0.5, 2.0).tobytes()
+        return hold(physics, 0.4, 0.5, 2.0).tobytes()
 
     assert run() == run()

@@ -44,10 +44,6 @@ class PerceptionMeter:
         return len(self.latencies_s)
 
     @property
-    def frames_per_cpu_s(self) -> float | None:
-        return self.frames / self.cpu_s if self.cpu_s else None
-
-    @property
     def latency_p95_s(self) -> float | None:
         ordered = sorted(self.latencies_s)
         return ordered[int(0.95 * (len(ordered) - 1))] if ordered else None

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from agribot.core.errors import ConfigError, describe_range, format_number
 
 MOST_SEED = 2**63 - 1  # largest number that JSON, TOML and NumPy all hold
-MOST_WORKERS = 1024
 MOST_DIGITS = 40  # letters of a word in a message; a longer one is shortened
 
 
@@ -66,14 +65,6 @@ positive = above(0.0)
 seed = whole(0)
 threads = whole(1, 1024)
 port = whole(0, 65535)
-
-
-def check_workers(count: int) -> None:
-    """Refuse a number of worker processes that no machine has use for.
-
-    Raises: ConfigError: it is not from 1 to 1024.
-    """
-    check_within("--workers", count, 1, MOST_WORKERS)
 
 
 def check_within(

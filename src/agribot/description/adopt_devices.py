@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,9 +18,10 @@ from agribot.description.devices import (
 from agribot.description.elements import SourceFile
 from agribot.description.tags import (
     DRIVE_PLUGINS,
-    GNSS_PLUGINS,
-    IMU_PLUGINS,
-    MAG_PLUGINS,
+    GNSS,
+    IMU,
+    MAG,
+    SensorKind,
     TagBlock,
     find_extra,
     find_plugin,
@@ -35,22 +35,6 @@ TINY = 1e-9  # least mass in use; a robot without mass is refused later
 SAME_MULTIPLIER = 0.05
 MIN_TORQUE_RATIO = 0.5  # least share of weight times wheel radius, for each wheel
 CAMERA_HEIGHT_M, CAMERA_PITCH_RAD = 0.9, math.radians(50.0)
-
-
-class SensorKind(NamedTuple):
-    what: str
-    plugins: tuple[str, ...]
-    types: tuple[str, ...]
-    words: tuple[str, ...]  # in the name of a link that is meant for it
-    rate_hz: float
-    is_optional: bool = False  # a robot without it is a good robot
-
-
-SENSORS = (
-    SensorKind("IMU", IMU_PLUGINS, ("imu",), ("imu",), 100.0),
-    SensorKind("GNSS receiver", GNSS_PLUGINS, ("gps", "navsat"), ("gps", "gnss", "navsat"), 5.0),
-    SensorKind("magnetometer", MAG_PLUGINS, ("magnetometer",), ("mag", "compass"), 10.0, True),
-)
 
 
 def adopt_devices(
@@ -94,7 +78,7 @@ def adopt_devices(
     _add_extra(root, "drive", drive, source)
     _add_extra(root, "tyre", tyre, source)
     _add_contact(root, source)
-    for kind in SENSORS:
+    for kind in (IMU, GNSS, MAG):
         _add_sensor(root, kind, links, source)
         if foreign:
             _move_to_base(root, kind, links, source)

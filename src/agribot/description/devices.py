@@ -20,9 +20,10 @@ from agribot.core.robot import (
 from agribot.description.elements import SourceFile
 from agribot.description.tags import (
     DRIVE_PLUGINS,
-    GNSS_PLUGINS,
-    IMU_PLUGINS,
-    MAG_PLUGINS,
+    GNSS,
+    IMU,
+    MAG,
+    SensorKind,
     TagBlock,
     collect_contact_tags,
     find_extra,
@@ -117,9 +118,9 @@ def read_mounts(
     """Read the mounts of IMU, GNSS receiver and magnetometer; None where there is no such."""
     known = {link.name for link in links}
     return (
-        _read_mount(root, IMU_PLUGINS, ("imu",), "IMU", known, source),
-        _read_mount(root, GNSS_PLUGINS, ("gps", "navsat"), "GNSS receiver", known, source),
-        _find_mount(root, MAG_PLUGINS, ("magnetometer",), "magnetometer", known, source),
+        _read_mount(root, IMU, known, source),
+        _read_mount(root, GNSS, known, source),
+        _find_mount(root, MAG, known, source),
     )
 
 
@@ -249,39 +250,29 @@ def _require_extra(root: ET.Element, group: str, source: SourceFile) -> TagBlock
 
 
 def _read_mount(
-    root: ET.Element,
-    plugins: tuple[str, ...],
-    kinds: tuple[str, ...],
-    what: str,
-    links: set[str],
-    source: SourceFile,
+    root: ET.Element, kind: SensorKind, links: set[str], source: SourceFile
 ) -> SensorMount:
-    mount = _find_mount(root, plugins, kinds, what, links, source)
+    mount = _find_mount(root, kind, links, source)
     if mount is None:
-        raise source.fail("sensors", f"no {what}; there are: {list_plugin_names(root)}")
+        raise source.fail("sensors", f"no {kind.what}; there are: {list_plugin_names(root)}")
     return mount
 
 
 def _find_mount(
-    root: ET.Element,
-    plugins: tuple[str, ...],
-    kinds: tuple[str, ...],
-    what: str,
-    links: set[str],
-    source: SourceFile,
+    root: ET.Element, kind: SensorKind, links: set[str], source: SourceFile
 ) -> SensorMount | None:
-    plugin = find_plugin(root, plugins, source)
+    plugin = find_plugin(root, kind.plugins, source)
     if plugin is not None and "updaterate" in plugin.tags:
         link = plugin.tags.get("bodyname") or plugin.link
         rate_hz = plugin.read_positive("updateRate")
-        _check_link(link, links, what, source)
+        _check_link(link, links, kind.what, source)
         return SensorMount(link=link, rate_hz=rate_hz, tags=plugin.tags)
-    found = find_sensor(root, kinds)
+    found = find_sensor(root, kind.types)
     if found is None:
         return None
     link, sensor = found
     block = TagBlock(sensor, f"sensor '{sensor.get('name')}'", source, link)
-    _check_link(link, links, what, source)
+    _check_link(link, links, kind.what, source)
     return SensorMount(link=link, rate_hz=block.read_positive("update_rate"), tags=block.tags)
 
 

@@ -13,7 +13,7 @@ from agribot.description.elements import SourceFile
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.tags import (
     DRIVE_PLUGINS,
-    GNSS_PLUGINS,
+    GNSS,
     TagBlock,
     find_plugin,
     iterate_gazebo_blocks,
@@ -126,7 +126,7 @@ def _list_receiver_blocks(root: ET.Element, source: SourceFile) -> Iterator[TagB
     for link, block in iterate_gazebo_blocks(root):
         for plugin in block.iter("plugin"):
             file = plugin.get("filename", "")
-            if any(part in file.lower() for part in GNSS_PLUGINS):
+            if any(part in file.lower() for part in GNSS.plugins):
                 yield TagBlock(plugin, f"plugin '{file}'", source, link)
 
 

@@ -13,9 +13,9 @@ from agribot.description.elements import SourceFile
 from agribot.description.poses import read_pose, to_origin
 from agribot.description.tags import (
     DRIVE_PLUGINS,
-    GNSS_PLUGINS,
-    IMU_PLUGINS,
-    MAG_PLUGINS,
+    GNSS,
+    IMU,
+    MAG,
     iterate_gazebo_blocks,
 )
 
@@ -28,7 +28,7 @@ READ = {
 OFFSET_TAGS = ("xyzoffset", "rpyoffset")
 # Plugins whose work is done here otherwise.
 READ_PLUGINS = (
-    *DRIVE_PLUGINS, *IMU_PLUGINS, *GNSS_PLUGINS, *MAG_PLUGINS, "camera", "control",
+    *DRIVE_PLUGINS, *IMU.plugins, *GNSS.plugins, *MAG.plugins, "camera", "control",
     "laser", "ray_sensor",
     "joint_state", "joint-state", "pose-publisher", "odometry-publisher", "p3d", "ground_truth",
 )  # fmt: skip

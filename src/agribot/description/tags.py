@@ -8,14 +8,33 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from agribot.description.elements import SourceFile
 
 Tags = dict[str, str]
-IMU_PLUGINS = ("ros_imu", "imu_sensor")
-GNSS_PLUGINS = ("ros_gps", "navsat")
-MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
+
+
+class SensorKind(NamedTuple):
+    """How descriptions name a sensor, and the rate of one that they leave out."""
+
+    what: str
+    plugins: tuple[str, ...]
+    types: tuple[str, ...]
+    words: tuple[str, ...]  # in the name of a link that is meant for it
+    rate_hz: float
+    is_optional: bool = False  # a robot without it is a good robot
+
+
+IMU = SensorKind("IMU", ("ros_imu", "imu_sensor"), ("imu",), ("imu",), 100.0)
+GNSS = SensorKind(
+    "GNSS receiver", ("ros_gps", "navsat"), ("gps", "navsat"), ("gps", "gnss", "navsat"), 5.0
+)
+MAG = SensorKind(
+    "magnetometer", ("ros_magnetic", "magnetometer"), ("magnetometer",), ("mag", "compass"), 10.0,
+    is_optional=True,
+)  # fmt: skip
 
 
 class TagBlock:

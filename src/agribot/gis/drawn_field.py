@@ -15,6 +15,7 @@ from agribot.core.errors import MissionError
 from agribot.core.facts import NothingDriven
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, MapPoint
+from agribot.gis.geojson import make_feature
 
 # Ground to both sides of its track that the robot needs for a plan that turns there, m; a camera
 # sees 1 m of it. Hollows narrower than twice CLOSED_M belong to the field, too.
@@ -58,13 +59,13 @@ def format_drawn_field(
     room_m = BESIDE_TRACK_M + unsure_m + min(unsure_m, MOST_CROP_MARGIN_M)
     ring = _draw_boundary(rows, track_map_m, room_m)
     features = [
-        _make_feature(
+        make_feature(
             "Polygon", [_to_degrees([*ring, ring[0]], frame)],
             kind="boundary", margin_m=round(margin_m, 2),
         )
     ]  # fmt: skip
     features += [
-        _make_feature(
+        make_feature(
             "LineString", _to_degrees(row.line, frame),
             kind="row", name=f"row {number}",
             std_m=round(row.std_m, 4) if math.isfinite(row.std_m) else None,
@@ -126,11 +127,3 @@ def _to_degrees(line: Sequence[MapPoint], frame: MapFrame) -> list[list[float]]:
         [round(lon_deg, DECIMALS), round(lat_deg, DECIMALS)]
         for lat_deg, lon_deg, _ in (frame.geodetic_from_map(*point) for point in line)
     ]
-
-
-def _make_feature(geometry: str, coordinates: object, **properties: object) -> dict[str, object]:
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": geometry, "coordinates": coordinates},
-    }

@@ -39,6 +39,14 @@ KINDS = ("boundary", "obstacle", "row", "crop", "ab_line", "waypoint")
 MAX_POINTS = 20_000
 
 
+def make_feature(geometry: str, coordinates: object, **properties: object) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": geometry, "coordinates": coordinates},
+    }
+
+
 def describe_left_out(what: str) -> tuple[None, dict[str, Any]]:
     """Say in a few words what a reader found in a file and does not give back."""
     return None, {"left_out": what}

@@ -24,7 +24,7 @@ from agribot.core.facts import LegUnfit, NotPlan, PlanBroken
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
 from agribot.gis.field_file import parse_field
-from agribot.gis.geojson import KINDS, parse_features, read_json
+from agribot.gis.geojson import KINDS, make_feature, parse_features, read_json
 
 FORMAT = 1
 DECIMALS = 10  # a hundredth of a millimetre: short pieces of arcs keep their direction
@@ -41,7 +41,7 @@ def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
     frame = MapFrame(saved.datum)
     area = saved.area
     collected = [
-        _make_feature(
+        make_feature(
             "Polygon",
             [_to_degrees_ring(r, frame) for r in (area.boundary, *area.holes)],
             kind="boundary",
@@ -49,15 +49,15 @@ def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
     ]
     for kind, rows in (("row", area.rows), ("crop", area.crop)):
         collected += [
-            _make_feature("LineString", _to_degrees(row, frame), kind=kind) for row in rows
+            make_feature("LineString", _to_degrees(row, frame), kind=kind) for row in rows
         ]
     if area.ab_line:
         collected.append(
-            _make_feature("LineString", _to_degrees(area.ab_line, frame), kind="ab_line")
+            make_feature("LineString", _to_degrees(area.ab_line, frame), kind="ab_line")
         )
     for number, leg in enumerate(saved.plan.legs):
         collected.append(
-            _make_feature(
+            make_feature(
                 "LineString", _to_degrees(leg.xy_map_m, frame), kind=f"leg:{leg.kind}", leg=number,
                 tool_on=leg.tool_on, row=leg.row, length_m=round(leg.length_m, 3),
             )
@@ -113,14 +113,6 @@ def _read_leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
         raise MissionError(LegUnfit(feature.where))
     xy = [frame.map_from_geodetic(lat, lon, frame.datum.alt_m)[:2] for lon, lat in feature.parts[0]]
     return Leg(kind=checked_kind, xy_map_m=np.array(xy), row=row)
-
-
-def _make_feature(geometry: str, coordinates: object, **properties: object) -> dict[str, Any]:
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": geometry, "coordinates": coordinates},
-    }
 
 
 def _to_degrees(points: MapLine | FloatArray, frame: MapFrame) -> list[list[float]]:

@@ -39,6 +39,18 @@ class RowStand(NamedTuple):
         lengths_m = self.gaps_m[:, 1] - self.gaps_m[:, 0]
         return int(np.maximum(np.round(lengths_m / self.spacing_m) - 1, 0).sum())
 
+    @property
+    def bare_m(self) -> float:
+        """Length of the row without plants: each gap, less one spacing."""
+        if self.spacing_m is None:
+            return 0.0
+        length_m = float(np.diff(self.gaps_m, axis=1).sum())
+        return max(length_m - self.spacing_m * len(self.gaps_m), 0.0)
+
+    @property
+    def per_metre(self) -> float:
+        return len(self.along_m) / self.length_m if self.length_m else math.nan
+
 
 def find_stand(
     table: PlantTable, row: Row, spacing_m: float | None = None, seen_m: float | None = None
@@ -65,14 +77,3 @@ def find_stand(
     if seen_m is not None and seen_m > LEAST_SEEN_M:
         is_countable = len(along_m) * (spacing_m or 0.0) >= COUNTABLE_RATIO * seen_m
     return RowStand(row.index, length_m, along_m, gaps_m, spacing_m, is_countable)
-
-
-def sum_gaps_m(stand: RowStand) -> float:
-    """Sum the length of a row without plants: each gap, less one spacing."""
-    if stand.spacing_m is None or not len(stand.gaps_m):
-        return 0.0
-    return max(float(np.diff(stand.gaps_m, axis=1).sum()) - stand.spacing_m * len(stand.gaps_m), 0)
-
-
-def count_per_metre(stand: RowStand) -> float:
-    return len(stand.along_m) / stand.length_m if stand.length_m else math.nan

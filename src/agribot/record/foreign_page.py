@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
-from importlib import resources
 from pathlib import Path
 
 import msgspec
@@ -18,14 +16,14 @@ from agribot.record.drawing import (
     ORANGE,
     RED,
     encode_png,
-    encode_svg,
     new_figure,
     sample_every,
 )
 from agribot.record.foreign import ForeignData, PlotLine
-from agribot.record.localization.page import render_sections
+from agribot.record.localization.page import describe_log
 from agribot.record.localization.result import LocalizationRun, LogFacts
 from agribot.record.report import write_file
+from agribot.record.templates import fill_template
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, GREY)
 
@@ -55,7 +53,11 @@ def write_foreign_report(
     summary["localization"] = None if localized is None else localized[0][0].result
     text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
     write_file(folder / "report.json", text + b"\n")
-    write_file(folder / "report.html", _render_page(recording, data, figures, localized).encode())
+    page = fill_template(
+        "record/foreign_page.html.j2", name=recording.name, data=data, figures=figures,
+        log=describe_log(*localized) if localized else None,
+    )  # fmt: skip
+    write_file(folder / "report.html", page.encode())
     return summary
 
 
@@ -118,37 +120,3 @@ def _draw_track(lines: tuple[PlotLine, ...]) -> Figure | None:
         borderaxespad=0.2,
     )  # fmt: skip
     return figure
-
-
-def _render_page(
-    recording: Path,
-    data: ForeignData,
-    figures: dict[str, Figure | None],
-    localized: Localized | None,
-) -> str:
-    css = resources.files("agribot.record").joinpath("report.css").read_text("utf-8")
-    name = escape(recording.name)
-    cards = "".join(
-        f'<h2>{key.title()}</h2>\n<div class="card">{encode_svg(figure, f"{key} plot")}</div>\n'
-        for key, figure in figures.items()
-        if figure is not None
-    )
-    words = [f"Missing: {what}." for what in data.missing] + [
-        f"{note}." for note in (*data.damage, *data.notes)
-    ]
-    listed = "".join(f"<li>{escape(word)}</li>" for word in words)
-    missing = f"<h2>What is missing</h2>\n<ul>{listed}</ul>" if words else ""
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{name}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<main>\n"
-        f'<header><p class="eyebrow">Recording without the report of a run</p>\n<h1>{name}</h1>\n'
-        f"<p>{data.messages} messages in {data.duration_s:.1f} s</p></header>\n"
-        f"{missing}\n{cards}{_render_poses(localized)}</main>\n</body>\n</html>\n"
-    )
-
-
-def _render_poses(localized: Localized | None) -> str:
-    if localized is None:
-        return ""
-    return f"<h2>Poses by the robot's filter</h2>\n{render_sections(*localized)}\n"

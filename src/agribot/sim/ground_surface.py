@@ -17,7 +17,6 @@ MAX_SAMPLES = 4_000_000  # 32 MB; a larger field gets wider cells
 MARGIN_M = 4.0  # around plants, rows and start, where wheels press ruts and relief lies
 LEAST_EXTENT_M = 24.0  # least extent of relief
 FADE_M = 1.0  # within the margin, to the plain ground at the edge
-UNCHANGED = (2**40, -1, 2**40, -1)
 
 
 class GroundSurface:
@@ -41,7 +40,6 @@ class GroundSurface:
         self.x_min_m, self.y_min_m, self.resolution_m = x_min_m, y_min_m, resolution_m
         self.is_fine = is_fine
         self.sunk_m: FloatArray = np.zeros((2, 2))
-        self.changed = np.array(UNCHANGED, dtype=np.int64)
 
     @property
     def has_detail(self) -> bool:
@@ -67,17 +65,6 @@ class GroundSurface:
     def make_sunk_grid(self) -> Terrain:
         """Return the grid of what wheels have pressed down, for the kernel."""
         return Terrain(self.sunk_m, self.x_min_m, self.y_min_m, self.resolution_m)
-
-    def take_changed(self) -> tuple[int, int, int, int] | None:
-        """Return the box of heights that changed since the last call, None if none did.
-
-        It is first row, row after the last, first column, column after the last.
-        """
-        first_row, last_row, first_column, last_column = self.changed.tolist()
-        self.changed[:] = UNCHANGED
-        if last_row < 0:
-            return None
-        return first_row, last_row + 1, first_column, last_column + 1
 
 
 def build_ground_surface(world: WorldSpec) -> GroundSurface:

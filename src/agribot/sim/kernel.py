@@ -355,10 +355,6 @@ def _press_rut(
                 continue
             sunk[j, i] += more_m
             terrain.values[j, i] -= more_m
-            soil.changed[0] = min(soil.changed[0], j)
-            soil.changed[1] = max(soil.changed[1], j)
-            soil.changed[2] = min(soil.changed[2], i)
-            soil.changed[3] = max(soil.changed[3], i)
 
 
 @compile_exact

@@ -261,7 +261,6 @@ class Physics:
             self._world,
             self._engine.wheel_mass_kg,
             self.ground.make_sunk_grid(),
-            self.ground.changed,
             mud_ratio,
         )
 

@@ -14,9 +14,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from agribot.core.errors import DescriptionError, describe_range
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Soil, SoilClass, SoilStrength, WorldSpec
@@ -86,8 +83,7 @@ SURFACES: dict[str, SurfaceFactor] = {
 class SoilLaw(NamedTuple):
     """Parameters of the soil under one tyre for the kernel.
 
-    `sunk` is the grid of how deep wheels have pressed the ground for good, m; `changed` (4,) are
-    first and last row, first and last column of the ground's grid that changed.
+    `sunk` is the grid of how deep wheels have pressed the ground for good, m.
     """
 
     is_rigid: bool
@@ -105,7 +101,6 @@ class SoilLaw(NamedTuple):
     elastic_ratio: float
     hardening_ratio: float
     sunk: Terrain
-    changed: npt.NDArray[np.int64]
 
 
 def make_soil_law(
@@ -113,7 +108,6 @@ def make_soil_law(
     world: WorldSpec,
     wheel_mass_kg: float,
     sunk: Terrain,
-    changed: npt.NDArray[np.int64],
     mud_ratio: float = 1.0,
 ) -> SoilLaw:
     """Derive the law for a robot's wheels; mud leaves `mud_ratio` of the strength.
@@ -144,7 +138,6 @@ def make_soil_law(
         elastic_ratio=ELASTIC_RATIO,
         hardening_ratio=HARDENING_RATIO,
         sunk=sunk,
-        changed=changed,
     )
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from agribot.core.messages import (
     STOP,
-    WHEEL_NAMES,
     DriveCommand,
     Estimate,
     GnssQuality,
@@ -19,37 +18,11 @@ from agribot.core.messages import (
     SensorBatch,
     WheelSample,
 )  # fmt: skip
-from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount, TyreSpec
+from tests.robot_parts import plain_rover
 
 TICK_S = 0.02
 LAG_S = 0.15
 DEAD_TICKS = 3  # 50 ms, rounded up
-
-
-def farm_robot() -> RobotSpec:
-    """The rover's footprint and drive, without the parts that path following never sees."""
-    corners = ((-0.2519, -0.3908), (-0.2519, 0.3908), (0.2519, -0.3908), (0.2519, 0.3908))
-    joints = tuple(
-        Joint(
-            name=f"{name}_joint", kind="continuous", parent="base_link", child=name,
-            origin=Origin(xyz_m=(x, y, 0.0)),
-        )
-        for name, (x, y) in zip(WHEEL_NAMES, corners, strict=True)
-    )  # fmt: skip
-    mount = SensorMount(link="base_link", rate_hz=50.0)
-    return RobotSpec(
-        name="rover",
-        links=tuple(Link(name=name) for name in ("base_link", *WHEEL_NAMES)),
-        joints=joints,
-        drive=DriveSpec(
-            wheel_radius_m=0.13, wheel_width_m=0.05, track_m=0.7816, wheelbase_m=0.5038,
-            plugin_diameter_m=0.26, plugin_separation_m=0.65, yaw_multiplier=1.4, torque_nm=10.0,
-            gear_ratio=1.0, encoder_ticks_per_rev=1000, command_timeout_s=0.5, max_speed_mps=1.0,
-            max_yaw_rate_radps=1.5, max_accel_mps2=1.5, max_yaw_accel_radps2=4.0,
-            rotor_inertia_kgm2=0.001, servo_gain_nmspr=1.0, rate_hz=100.0,
-        ),
-        tyre=TyreSpec(), imu=mount, gnss=mount, mag=mount,
-    )  # fmt: skip
 
 
 class Soil(NamedTuple):
@@ -88,7 +61,7 @@ class Rover:
         self._wheels_v = self._wheels_w = self._shake = 0.0
         self._queue: deque[DriveCommand] = deque([STOP] * DEAD_TICKS, maxlen=DEAD_TICKS)
         self._right_rad = self._left_rad = 0.0
-        self._drive = farm_robot().drive
+        self._drive = plain_rover().drive
 
     def drive(self, command: DriveCommand) -> None:
         """One tick under a command."""

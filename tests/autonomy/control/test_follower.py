@@ -33,10 +33,11 @@ from agribot.core.messages import (
 from agribot.core.pose import Pose2
 from tests import nightly
 from tests.asking import ask
-from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
+from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil
 from tests.autonomy.plan.paper_task import PaperTask
+from tests.robot_parts import plain_rover
 
-ROBOT = farm_robot()
+ROBOT = plain_rover()
 START = (-2.0, 0.0, math.pi / 2)
 TWO_ROWS = FieldConfig(row_count=2, row_length_m=4.0)
 MISSION = MissionConfig()

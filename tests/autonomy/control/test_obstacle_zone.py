@@ -22,8 +22,9 @@ from agribot.core.messages import (
     RobotCommand,
     SensorBatch,
 )
-from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
+from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil
 from tests.autonomy.control.test_supervisor import goal
+from tests.robot_parts import plain_rover
 
 BODY = BodyBox(front_m=0.5, rear_m=0.4, half_width_m=0.4)
 CONFIG = SafetyConfig(obstacle_stop_m=2.0, obstacle_slow_m=4.0)
@@ -97,7 +98,7 @@ class Watched:
 
     def __init__(self) -> None:
         zone = ObstacleZone(CONFIG, BODY, must_report=True)
-        self.gate = Supervisor(CONFIG, farm_robot(), obstacles=zone)
+        self.gate = Supervisor(CONFIG, plain_rover(), obstacles=zone)
         self.rover = Rover((0.0, 0.0, 0.0), Soil(), np.random.default_rng(0))
 
     @property

@@ -11,10 +11,11 @@ from agribot.autonomy.control.progress_watch import ProgressWatch
 from agribot.core.facts import Fact, StopToClear, Stuck
 from agribot.core.geo import WGS84_A_M
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, SensorBatch, WheelSample
-from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
+from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import Gate, assert_stopped
+from tests.robot_parts import plain_rover
 
-DRIVE = farm_robot().drive
+DRIVE = plain_rover().drive
 SPEED_MPS = 0.4
 
 

@@ -52,10 +52,11 @@ from agribot.core.messages import (
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot
 from tests.asking import BY_WORD, ask
-from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
+from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil
 from tests.finding import holds
+from tests.robot_parts import plain_rover
 
-ROBOT = farm_robot()
+ROBOT = plain_rover()
 SPOT = Path(
     xy_map_m=np.zeros((2, 2)), yaw_map_rad=np.zeros(2), curvature_radpm=np.zeros(2),
     row=np.zeros(2, dtype=np.int64), s_m=np.zeros(2),

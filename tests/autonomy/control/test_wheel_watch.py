@@ -21,9 +21,10 @@ from agribot.core.facts import (
     find_kind,
 )
 from agribot.core.messages import STOP, DriveCommand, Four, ImuSample, SensorBatch, WheelSample
-from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
+from tests.autonomy.control.kinematic_rover import TICK_S
+from tests.robot_parts import plain_rover
 
-DRIVE = farm_robot().drive
+DRIVE = plain_rover().drive
 DELAY_S = 0.3
 AHEAD = DriveCommand(v_mps=0.4)
 TURN = DriveCommand(v_mps=0.3, yaw_rate_radps=0.5)

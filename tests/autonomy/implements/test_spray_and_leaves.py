@@ -12,8 +12,10 @@ from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.weeds.crop_ground import CropGround
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import LeafRule, TreatmentConfig, WeedConfig
+from agribot.core.implement.plants import GroundBox
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import PlantClass
+from agribot.core.pose import Pose2
 from tests.autonomy.implements.looks import POSE, closed_row, cover, seen_on_the_way
 from tests.autonomy.implements.spray_ground import Field, drive_over, figure, make_map
 from tests.autonomy.weeds.weed_field import make_estimate, make_plant, make_scene
@@ -185,7 +187,7 @@ def test_two_looks_close_a_cell_and_two_in_a_row_that_show_no_crop_open_it_again
     area = CropGround()
 
     def is_covered() -> bool:
-        return area.covers(1.0, 0.0, 0.0, 0.05, 0.05)
+        return area.covers(GroundBox(Pose2(1.0, 0.0, 0.0), 0.05, 0.05))
 
     looks = {"-": cover(POSE, lambda x_m, y_m: False), "+": cover(POSE, closed_row)}
     told = ""
@@ -204,13 +206,13 @@ def test_the_area_turns_with_the_robot_and_forgets_what_lies_far_behind() -> Non
 
     for _ in range(2):
         area.add(cover(north, patch), north)
-    assert area.covers(5.3, -2.0, 0.3, 0.02, 0.02)
-    assert not area.covers(5.0, -2.0, 0.3, 0.02, 0.02)
+    assert area.covers(GroundBox(Pose2(5.3, -2.0, 0.3), 0.02, 0.02))
+    assert not area.covers(GroundBox(Pose2(5.0, -2.0, 0.3), 0.02, 0.02))
     lap_m = 256 * 0.025
-    assert not area.covers(5.3 + lap_m, -2.0, 0.3, 0.02, 0.02)
+    assert not area.covers(GroundBox(Pose2(5.3 + lap_m, -2.0, 0.3), 0.02, 0.02))
     far = msgspec.structs.replace(north, x_map_m=north.x_map_m + lap_m)
     area.add(cover(far, lambda x_m, y_m: False), far)
-    assert not area.covers(5.3, -2.0, 0.3, 0.02, 0.02)
+    assert not area.covers(GroundBox(Pose2(5.3, -2.0, 0.3), 0.02, 0.02))
 
 
 def test_a_recording_that_tells_no_cover_sprays_as_its_map_says() -> None:

@@ -12,7 +12,7 @@ from agribot.autonomy.perceive.scan_obstacles import ScanObstacles
 from agribot.core.keep_out import BodyBox
 from agribot.core.messages import LaserScan, SensorBatch
 from agribot.core.robot import Joint, LidarSpec, Link, Origin
-from tests.autonomy.control.kinematic_rover import farm_robot
+from tests.robot_parts import plain_rover
 
 BODY = BodyBox(front_m=0.5, rear_m=0.5, half_width_m=0.4)
 TURNED_RAD = 0.5  # the lidar looks to the left by this
@@ -24,7 +24,7 @@ STEP_RAD = math.radians(0.5)
 
 
 def read(ranges_m: list[float], min_angle_rad: float) -> list[tuple[float, float]]:
-    plain = farm_robot()
+    plain = plain_rover()
     robot = msgspec.structs.replace(
         plain, links=(*plain.links, Link(name="mast")), joints=(*plain.joints, MOUNT),
         lidar=LidarSpec(link="mast"),
@@ -59,7 +59,7 @@ def test_nothing_far_unmeasured_or_of_the_robot_itself_counts() -> None:
 
 def test_what_is_too_near_to_be_measured_is_there() -> None:
     assert read([-math.inf], -TURNED_RAD) == [], "of the robot's own front"
-    plain = farm_robot()
+    plain = plain_rover()
     robot = msgspec.structs.replace(plain, lidar=LidarSpec(link="base_link"))
     scan = LaserScan(
         t_s=1.0, min_angle_rad=0.0, step_rad=STEP_RAD, range_min_m=0.15, range_max_m=12.0,
@@ -72,5 +72,5 @@ def test_what_is_too_near_to_be_measured_is_there() -> None:
 
 def test_a_batch_without_scans_such_as_of_a_recording_stays_as_it_is() -> None:
     batch = SensorBatch(t_s=1.0)
-    robot = msgspec.structs.replace(farm_robot(), lidar=LidarSpec(link="base_link"))
+    robot = msgspec.structs.replace(plain_rover(), lidar=LidarSpec(link="base_link"))
     assert ScanObstacles(robot, BODY).add(batch) is batch

@@ -1,4 +1,4 @@
-"""A rover's footprint and the fields it works on, for the planning tests."""
+"""The fields that a rover works on, for the planning tests."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from agribot.core.config import FieldConfig, MissionConfig
 from agribot.core.facts import NoFixesYet
 from agribot.core.messages import (
-    WHEEL_NAMES,
     Estimate,
     FloatArray,
     GnssQuality,
@@ -17,37 +16,11 @@ from agribot.core.messages import (
     RequestEvent,
     RequestWord,
 )  # fmt: skip
-from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount, TyreSpec
 from tests.asking import ask
 
 FARM = FieldConfig()
 MISSION = MissionConfig()
 FARM_START = (-2.0, 0.0, math.pi / 2)
-HALF_TRACK_M, HALF_BASE_M, WHEEL_WIDTH_M = 0.3908, 0.2519, 0.05
-
-
-def rover() -> RobotSpec:
-    corners = [(x, y) for x in (-HALF_BASE_M, HALF_BASE_M) for y in (-HALF_TRACK_M, HALF_TRACK_M)]
-    mount = SensorMount(link="base_link", rate_hz=50.0)
-    return RobotSpec(
-        name="rover",
-        links=tuple(Link(name=name) for name in ("base_link", *WHEEL_NAMES)),
-        joints=tuple(
-            Joint(
-                name=f"{name}_joint", kind="continuous", parent="base_link", child=name,
-                origin=Origin(xyz_m=(*corner, 0.0)),
-            )
-            for name, corner in zip(WHEEL_NAMES, corners, strict=True)
-        ),
-        drive=DriveSpec(
-            wheel_radius_m=0.13, wheel_width_m=WHEEL_WIDTH_M, track_m=2 * HALF_TRACK_M,
-            wheelbase_m=2 * HALF_BASE_M, plugin_diameter_m=0.26, plugin_separation_m=0.65,
-            yaw_multiplier=1.4, torque_nm=10.0, gear_ratio=1.0, encoder_ticks_per_rev=1000,
-            command_timeout_s=0.5, max_speed_mps=1.0, max_yaw_rate_radps=1.5, max_accel_mps2=1.5,
-            max_yaw_accel_radps2=4.0, rotor_inertia_kgm2=0.001, servo_gain_nmspr=1.0, rate_hz=100.0,
-        ),
-        tyre=TyreSpec(), imu=mount, gnss=mount, mag=mount,
-    )  # fmt: skip
 
 
 def in_field_frame(field: FieldConfig, xy_map_m: FloatArray) -> FloatArray:

@@ -31,8 +31,9 @@ from agribot.core.facts import (
 )
 from agribot.core.messages import Estimate, GnssQuality, Goal, RequestWord
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at
 from tests.finding import holds
+from tests.robot_parts import plain_rover
 
 CONFIG = MissionConfig()
 
@@ -76,7 +77,7 @@ def judged(guard: CropGuard, t_s: float, level_m: float) -> Fact | None:
 
 
 def test_the_limit_is_what_lies_between_the_wheels_and_the_crop_less_the_tracking() -> None:
-    drive = rover().drive
+    drive = plain_rover().drive
     inside_m = (drive.track_m - drive.wheel_width_m) / 2.0
     assert 0.2 < protection_limit_m(drive) < inside_m
     assert protection_limit_m(drive, 0.6) < protection_limit_m(drive, 1.0)
@@ -158,7 +159,7 @@ class Ride:
 
     def __init__(self) -> None:
         rows = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
-        self.path = plan_rows(rows, FARM_START, rover(), MISSION)
+        self.path = plan_rows(rows, FARM_START, plain_rover(), MISSION)
         self.mission = Mission(PaperTask(lambda _: self.path, rows, clearance_m=LIMIT_M), MISSION)
         self.t_s = 0.0
         for _ in range(100):

@@ -19,7 +19,8 @@ from agribot.core.geo import is_backwards
 from agribot.core.messages import Estimate, Goal, Path
 from agribot.core.pose import Pose2
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=6.0))  # North, 1 m apart, from (1, 2)
 DT_S, HELD_S = 0.1, 3.0
@@ -28,7 +29,7 @@ STUCK = Stuck(0.5, 2.5, 0.0)
 
 
 def plan(here: Estimate) -> Path:
-    return plan_rows(ROWS, (here.x_map_m, here.y_map_m, math.pi / 2), rover(), MISSION)
+    return plan_rows(ROWS, (here.x_map_m, here.y_map_m, math.pi / 2), plain_rover(), MISSION)
 
 
 class Drive:

@@ -44,8 +44,9 @@ from agribot.gis.keep_out_ground import cut_keep_out
 from agribot.gis.map_outlines import outline_cells
 from tests.autonomy.control.test_fence import along
 from tests.autonomy.control.test_supervisor import ROBOT, Gate, assert_stopped, goal
-from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, rover
+from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at
 from tests.finding import refused
+from tests.robot_parts import plain_rover
 
 CLEARANCE_M = 0.3
 ROWS = lay_rows(FARM)
@@ -80,10 +81,10 @@ def draw_map(
 
 
 def test_the_first_row_is_reached_around_an_area_in_the_way() -> None:
-    free = plan_rows(ROWS, FARM_START, rover(), MISSION)
+    free = plan_rows(ROWS, FARM_START, plain_rover(), MISSION)
     body = around(BLOCK)
     assert smallest_gap_m(free, BLOCK, body) < CLEARANCE_M
-    path = plan_rows(ROWS, FARM_START, rover(), MISSION, (), body)
+    path = plan_rows(ROWS, FARM_START, plain_rover(), MISSION, (), body)
     assert smallest_gap_m(path, BLOCK, body) >= CLEARANCE_M - 0.01
     assert set(path.row.tolist()) == {-1, *range(6)}
 

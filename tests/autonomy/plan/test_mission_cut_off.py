@@ -16,14 +16,15 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, GoTo, MapPoint, Path, Visit
 from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
-from tests.autonomy.plan.planting import MISSION, at, rover
+from tests.autonomy.plan.planting import MISSION, at
 from tests.autonomy.plan.test_mission_errands import HEADLAND, NORTH, Drive, no_places, task
 from tests.autonomy.plan.test_mission_states import Ride
+from tests.robot_parts import plain_rover
 
 
 def places(where: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:
     def plan(here: Estimate) -> Path:
-        return plan_waypoints(where, (here.x_map_m, here.y_map_m, NORTH), rover(), MISSION)
+        return plan_waypoints(where, (here.x_map_m, here.y_map_m, NORTH), plain_rover(), MISSION)
 
     return PaperTask(plan, waypoints=where, name=name, bounds=bounds)
 

@@ -49,8 +49,9 @@ from agribot.core.messages import (
 )
 from tests.asking import ask, go_to
 from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
-from tests.autonomy.plan.planting import MISSION, at, point_at, rover
+from tests.autonomy.plan.planting import MISSION, at, point_at
 from tests.autonomy.plan.test_mission_states import Ride
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=3, row_length_m=4.0))
 ENDS = [end for row in ROWS for end in (row.start_map_m, row.end_map_m)]
@@ -64,13 +65,13 @@ def task(rows_taken: int = 3) -> Task:
     def go_to(here: Estimate, goal: Place) -> Path:
         start = (here.x_map_m, here.y_map_m, NORTH)
         fence = make_fence([*ENDS, start[:2]], 5.0)
-        return plan_to_place(goal, start, rows, fence, rover(), MISSION)
+        return plan_to_place(goal, start, rows, fence, plain_rover(), MISSION)
 
     return PaperTask(
-        lambda here: plan_rows(rows, (here.x_map_m, here.y_map_m, NORTH), rover(), MISSION),
+        lambda here: plan_rows(rows, (here.x_map_m, here.y_map_m, NORTH), plain_rover(), MISSION),
         rows,
         home=lambda here, pose, _: plan_home(
-            rows, (here.x_map_m, here.y_map_m, NORTH), (*pose[:2], NORTH), rover(), MISSION
+            rows, (here.x_map_m, here.y_map_m, NORTH), (*pose[:2], NORTH), plain_rover(), MISSION
         ),
         go_to=go_to,
     )
@@ -120,7 +121,7 @@ def test_it_drives_to_a_place_around_the_crop_and_waits_there() -> None:
     goal = drive.goto(where, *HEADLAND, NORTH)
     assert (goal.status.state, goal.status.leg) == ("running", "to the goal")
     assert goal.path is not None
-    certify(goal.path, ROWS, rover(), MISSION.plant_clearance_m)
+    certify(goal.path, ROWS, plain_rover(), MISSION.plant_clearance_m)
     assert goal.path.xy_map_m[-1] == pytest.approx(HEADLAND, abs=1e-6)
     assert math.cos(goal.path.yaw_map_rad[-1] - NORTH) == pytest.approx(1.0, abs=1e-6)
     last = drive.to_the_end()
@@ -136,7 +137,7 @@ def test_resumed_it_enters_the_row_again_from_its_end_and_finishes_everything() 
     back = drive.be_at(*HEADLAND, "resume")
     assert back.status.leg == "back to the work"
     assert back.path is not None
-    certify(back.path, ROWS, rover(), MISSION.plant_clearance_m)
+    certify(back.path, ROWS, plain_rover(), MISSION.plant_clearance_m)
     drive.to_the_end()
     work = drive.mission.path
     assert work is not None and work is not back.path
@@ -184,8 +185,10 @@ def test_a_place_that_cannot_be_driven_to_is_refused_with_the_reason(
 def test_a_place_astride_a_row_is_reached_along_the_row() -> None:
     here = at(*HEADLAND, 0.0)
     start = (here.x_map_m, here.y_map_m, NORTH)
-    path = plan_to_place((2.0, 4.0, None), start, ROWS, make_fence(ENDS, 5.0), rover(), MISSION)
-    certify(path, ROWS, rover(), MISSION.plant_clearance_m)
+    path = plan_to_place(
+        (2.0, 4.0, None), start, ROWS, make_fence(ENDS, 5.0), plain_rover(), MISSION
+    )
+    certify(path, ROWS, plain_rover(), MISSION.plant_clearance_m)
     assert path.xy_map_m[-1] == pytest.approx((2.0, 4.0), abs=1e-6)
 
 

@@ -26,9 +26,10 @@ from agribot.core.facts import (
 from agribot.core.messages import Estimate, FloatArray, Goal, Path
 from agribot.core.row_shape import project_on_row
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM_START, MISSION, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION
 from tests.autonomy.plan.test_mission_states import Ride
 from tests.finding import holds
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=3, row_length_m=4.0))
 HALF_ROW_M = 2.0
@@ -36,12 +37,12 @@ HALF_ROW_M = 2.0
 
 def plan(estimate: Estimate) -> Path:
     start = (estimate.x_map_m, estimate.y_map_m, math.pi / 2)
-    return plan_rows(ROWS, start, rover(), MISSION)
+    return plan_rows(ROWS, start, plain_rover(), MISSION)
 
 
 def home(estimate: Estimate, pose: PoseTuple, _: FloatArray) -> Path:
     start = (estimate.x_map_m, estimate.y_map_m, math.pi / 2)
-    return plan_home(ROWS, start, (pose[0], pose[1], math.pi / 2), rover(), MISSION)
+    return plan_home(ROWS, start, (pose[0], pose[1], math.pi / 2), plain_rover(), MISSION)
 
 
 def ride(saved: SavedMission | None = None) -> Ride:
@@ -156,7 +157,7 @@ def test_it_returns_home_around_the_crop_with_the_tool_off() -> None:
     goal = one.be_at(*one.place(s_m), "return_home")
     assert goal.status.leg == "way home"
     assert goal.path is not None
-    certify(goal.path, ROWS, rover(), MISSION.plant_clearance_m)
+    certify(goal.path, ROWS, plain_rover(), MISSION.plant_clearance_m)
     assert goal.path.xy_map_m[-1] == pytest.approx(FARM_START[:2], abs=0.01)
     way = one.along(0.0, float(goal.path.s_m[-1]) + 0.02)
     assert not any(goal.tool_on for goal in way)
@@ -201,13 +202,13 @@ def test_an_outage_of_the_position_loses_nothing() -> None:
 def from_the_far_side(estimate: Estimate) -> Path:
     """The same rows the other way round: the last one first."""
     x_m, y_m = ROWS[-1].end_map_m
-    return plan_rows(ROWS, (x_m + 1.0, y_m + 1.0, -math.pi / 2), rover(), MISSION)
+    return plan_rows(ROWS, (x_m + 1.0, y_m + 1.0, -math.pi / 2), plain_rover(), MISSION)
 
 
 def rest(estimate: Estimate, indices: Sequence[int]) -> Path:
     left = [row for row in ROWS if row.index in indices]
     start = (estimate.x_map_m, estimate.y_map_m, math.pi / 2)
-    return plan_rows(left, start, rover(), MISSION, ROWS)
+    return plan_rows(left, start, plain_rover(), MISSION, ROWS)
 
 
 def worked(goals: Sequence[Goal], one: Ride) -> FloatArray:
@@ -300,7 +301,7 @@ def test_what_was_worked_on_another_field_does_not_count() -> None:
     )
 
     def plan_there(estimate: Estimate) -> Path:
-        return plan_rows(elsewhere, (38.0, 0.0, math.pi / 2), rover(), MISSION)
+        return plan_rows(elsewhere, (38.0, 0.0, math.pi / 2), plain_rover(), MISSION)
 
     again = Ride(Mission(PaperTask(plan_there, elsewhere), MISSION, saved))
     again.start = saved.pose[:2]

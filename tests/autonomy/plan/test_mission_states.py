@@ -32,8 +32,9 @@ from agribot.core.facts import (
 from agribot.core.messages import ChangeSetting, Estimate, Goal, Path
 from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
+from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at
 from tests.finding import is_like
+from tests.robot_parts import plain_rover
 
 TWO_ROWS = FieldConfig(row_count=2, row_length_m=4.0)
 ROWS = lay_rows(TWO_ROWS)
@@ -71,7 +72,7 @@ class Ride:
 
 def test_a_mission_plans_and_takes_no_speed_that_the_robot_may_not_drive() -> None:
     eager = msgspec.structs.replace(MISSION, speed_mps=1.5, turn_speed_mps=0.9)
-    path = plan_rows(ROWS, FARM_START, rover(), MISSION)
+    path = plan_rows(ROWS, FARM_START, plain_rover(), MISSION)
     ride = Ride(Mission(PaperTask(lambda _: path, ROWS), eager, most_mps=0.8))
     ride.settle()
     speeds = [goal.max_speed_mps for goal in ride.along(0.0, 3.0)]
@@ -93,7 +94,7 @@ def test_a_speed_that_the_robot_may_not_drive_is_a_warning() -> None:
 
 @pytest.fixture(scope="module")
 def path() -> Path:
-    return plan_rows(ROWS, FARM_START, rover(), MISSION)
+    return plan_rows(ROWS, FARM_START, plain_rover(), MISSION)
 
 
 @pytest.fixture
@@ -249,7 +250,7 @@ def test_a_lost_estimate_stands_still_and_goes_on_by_itself(ride: Ride) -> None:
 
 def test_waypoints_are_counted_only_in_order_and_only_when_reached() -> None:
     points = [(1.0, 0.0), (4.0, 0.0), (4.0, 3.0)]
-    path = plan_waypoints(points, (-2.0, 0.0, 0.0), rover(), MISSION)
+    path = plan_waypoints(points, (-2.0, 0.0, 0.0), plain_rover(), MISSION)
     ride = Ride(Mission(PaperTask(lambda _: path, (), points), MISSION))
     ride.settle()
     reached = [goal.status.waypoints_reached for goal in ride.along(0.0, float(path.s_m[-1]))]
@@ -260,7 +261,7 @@ def test_waypoints_are_counted_only_in_order_and_only_when_reached() -> None:
 
 def test_a_missed_waypoint_fails_the_mission_and_is_named() -> None:
     points = [(1.0, 0.0), (4.0, 0.0)]
-    path = plan_waypoints(points, (-2.0, 0.0, 0.0), rover(), MISSION)
+    path = plan_waypoints(points, (-2.0, 0.0, 0.0), plain_rover(), MISSION)
     ride = Ride(Mission(PaperTask(lambda _: path, (), points), MISSION))
     ride.settle()
     ride.along(0.0, 2.5)
@@ -309,7 +310,7 @@ def test_a_path_that_misses_its_waypoints_is_refused(path: Path) -> None:
 
 
 def test_a_path_over_unknown_rows_is_refused() -> None:
-    farm_path = plan_rows(lay_rows(FARM), FARM_START, rover(), MISSION)
+    farm_path = plan_rows(lay_rows(FARM), FARM_START, plain_rover(), MISSION)
     goal = Ride(Mission(PaperTask(lambda _: farm_path, ROWS), MISSION)).settle()
     assert goal.status.state == "failed"
     assert goal.status.fact == RowsUnknown((2, 3, 4, 5))

@@ -16,15 +16,16 @@ from agribot.core.config import FieldConfig
 from agribot.core.facts import InNoRow, RowMovedFar, RowNotMoved
 from agribot.core.messages import Estimate, Path
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import MISSION, at, rover
+from tests.autonomy.plan.planting import MISSION, at
 from tests.autonomy.plan.test_mission_states import Ride
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))  # to the North, then back
 
 
 def plan(estimate: Estimate) -> Path:
     start = (estimate.x_map_m, estimate.y_map_m, math.pi / 2)
-    return plan_rows(ROWS, start, rover(), MISSION)
+    return plan_rows(ROWS, start, plain_rover(), MISSION)
 
 
 @pytest.fixture

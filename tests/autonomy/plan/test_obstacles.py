@@ -20,8 +20,9 @@ from agribot.core.facts import BeyondFence, NearObstacle, NoClearWay, OnCropTher
 from agribot.core.messages import Estimate, FloatArray, Path
 from agribot.core.pose import Pose2
 from agribot.description.loader import load_robot
-from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, rover
+from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at
 from tests.finding import refused
+from tests.robot_parts import plain_rover
 
 CLEARANCE_M = 0.3
 ROWS = lay_rows(FARM)
@@ -65,7 +66,7 @@ def smallest_gap_m(path: Path, around: Obstacles) -> float:
 @pytest.mark.parametrize("north_m", [-0.6, 0.0, 0.3])
 def test_the_first_row_is_reached_around_a_post_in_the_way(east_m: float, north_m: float) -> None:
     around = posts((east_m, north_m, 0.05))
-    path = plan_rows(ROWS, FARM_START, rover(), MISSION, (), around)
+    path = plan_rows(ROWS, FARM_START, plain_rover(), MISSION, (), around)
     assert smallest_gap_m(path, around) >= CLEARANCE_M - 0.01
     assert set(path.row.tolist()) == {-1, *range(6)}
 
@@ -121,13 +122,13 @@ def test_a_visit_plans_a_route_for_others_off_the_crop_and_inside_its_fence() ->
 
 def test_ways_home_and_to_places_lead_around_too() -> None:
     around = posts((-1.0, 1.0, 0.1))
-    home = plan_home(ROWS, (1.0, 1.0, -math.pi / 2), FARM_START, rover(), MISSION, around)
+    home = plan_home(ROWS, (1.0, 1.0, -math.pi / 2), FARM_START, plain_rover(), MISSION, around)
     assert smallest_gap_m(home, around) >= CLEARANCE_M - 0.01
-    place = plan_to_place((-2.0, 3.0, None), (0.0, -1.0, 2.2), ROWS, FENCE, rover(), MISSION,
+    place = plan_to_place((-2.0, 3.0, None), (0.0, -1.0, 2.2), ROWS, FENCE, plain_rover(), MISSION,
                           around)  # fmt: skip
     assert smallest_gap_m(place, around) >= CLEARANCE_M - 0.01
 
 
 def test_a_robot_that_stands_against_a_post_is_told_why_it_stays() -> None:
     with refused(NoClearWay(*FARM_START[:2], ANY, 0.3)):
-        plan_rows(ROWS, FARM_START, rover(), MISSION, (), posts((-2.0, 0.5, 0.05)))
+        plan_rows(ROWS, FARM_START, plain_rover(), MISSION, (), posts((-2.0, 0.5, 0.05)))

@@ -17,11 +17,12 @@ from agribot.core.config import FieldConfig
 from agribot.core.facts import RowsUnproven, RowUnproven
 from agribot.core.messages import Estimate, GnssQuality, MissionStatus, Row
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at
 from tests.finding import holds, is_like
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
-PATH = plan_rows(ROWS, FARM_START, rover(), MISSION)
+PATH = plan_rows(ROWS, FARM_START, plain_rover(), MISSION)
 LENGTH_M = float(PATH.s_m[-1])
 Look = Callable[[int, float], dict[str, object]]
 

@@ -16,21 +16,13 @@ from agribot.core.config import FieldConfig
 from agribot.core.facts import NoClearWay, NoRows, OverCrop
 from agribot.core.messages import Path, Row
 from agribot.core.row_shape import project_on_row, row_length_m
-from tests.autonomy.plan.planting import (
-    FARM,
-    FARM_START,
-    HALF_TRACK_M,
-    MISSION,
-    WHEEL_WIDTH_M,
-    from_field_frame,
-    in_field_frame,
-    rover,
-)  # fmt: skip
+from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, from_field_frame, in_field_frame
 from tests.finding import refused
+from tests.robot_parts import HALF_TRACK_M, WHEEL_WIDTH_M, plain_rover
 
 
 def planned(field: FieldConfig, start: tuple[float, float, float]) -> Path:
-    return plan_rows(lay_rows(field), start, rover(), MISSION)
+    return plan_rows(lay_rows(field), start, plain_rover(), MISSION)
 
 
 def rows_in_order(path: Path) -> list[int]:
@@ -55,7 +47,7 @@ def test_farm_mission_starts_at_the_robot_and_works_every_row_once() -> None:
 
 def test_farm_wheels_keep_twenty_centimetres_off_every_row() -> None:
     path = planned(FARM, FARM_START)
-    closest = find_closest_to_crop(path, rover(), lay_rows(FARM))
+    closest = find_closest_to_crop(path, plain_rover(), lay_rows(FARM))
     assert closest.clearance_m >= 0.2
     straddling_m = HALF_TRACK_M - WHEEL_WIDTH_M / 2
     assert closest.clearance_m == pytest.approx(straddling_m, abs=1e-6)
@@ -72,8 +64,8 @@ def test_rows_of_any_direction_number_and_pitch_are_covered_clear_of_the_crop(
     )  # fmt: skip
     mission = msgspec.structs.replace(MISSION, plant_clearance_m=0.1)
     rows = lay_rows(field)
-    path = plan_rows(rows, from_field_frame(field, -3.0, -2.0, 0.4), rover(), mission)
-    certify(path, rows, rover(), 0.1)
+    path = plan_rows(rows, from_field_frame(field, -3.0, -2.0, 0.4), plain_rover(), mission)
+    certify(path, rows, plain_rover(), 0.1)
     assert sorted(rows_in_order(path)) == list(range(count))
     local = in_field_frame(field, path.xy_map_m)
     for row in range(count):
@@ -144,7 +136,7 @@ def test_a_robot_that_stands_a_little_too_near_drives_into_its_first_row_at_once
     """It drove the first row with the tool off to turn behind it, or a circle in front of it."""
     north_m = 2.0 - MISSION.headland_m + too_near_m
     path = planned(FARM, (1.0 - left_m, north_m, math.radians(90.0 + turned_deg)))
-    certify(path, lay_rows(FARM), rover(), MISSION.plant_clearance_m)
+    certify(path, lay_rows(FARM), plain_rover(), MISSION.plant_clearance_m)
     first = int(np.flatnonzero(path.row >= 0)[0])
     assert rows_in_order(path)[0] == 0
     assert path.s_m[first] == pytest.approx(2.0 - north_m, abs=0.05)
@@ -158,13 +150,13 @@ def test_the_way_in_goes_around_the_crop_from_every_side(
     place: tuple[float, float], yaw_deg: float
 ) -> None:
     path = planned(FARM, (*place, math.radians(yaw_deg)))
-    certify(path, lay_rows(FARM), rover(), MISSION.plant_clearance_m)
+    certify(path, lay_rows(FARM), plain_rover(), MISSION.plant_clearance_m)
 
 
 @pytest.mark.parametrize("yaw_deg", [90.0, -90.0])
 def test_a_robot_left_in_the_middle_of_a_row_leaves_along_it(yaw_deg: float) -> None:
     path = planned(FARM, (3.0, 7.0, math.radians(yaw_deg)))
-    certify(path, lay_rows(FARM), rover(), MISSION.plant_clearance_m)
+    certify(path, lay_rows(FARM), plain_rover(), MISSION.plant_clearance_m)
     assert sorted(rows_in_order(path)) == [0, 1, 2, 3, 4, 5]
 
 
@@ -179,14 +171,14 @@ def test_uneven_row_ends_are_cleared_before_the_turn() -> None:
         Row(index=1, start_map_m=(1.0, 2.0), end_map_m=(1.0, 11.0)),
         Row(index=2, start_map_m=(2.0, -3.0), end_map_m=(2.0, 9.0)),
     )
-    path = plan_rows(rows, (0.0, -2.0, math.pi / 2), rover(), MISSION)
-    certify(path, rows, rover(), 0.2)
+    path = plan_rows(rows, (0.0, -2.0, math.pi / 2), plain_rover(), MISSION)
+    certify(path, rows, plain_rover(), 0.2)
     assert rows_in_order(path) == [0, 1, 2]
 
 
 def test_field_without_rows_is_refused() -> None:
     with refused(NoRows):
-        plan_rows((), FARM_START, rover(), MISSION)
+        plan_rows((), FARM_START, plain_rover(), MISSION)
 
 
 def test_plan_is_the_same_every_time() -> None:
@@ -201,7 +193,7 @@ def test_bent_rows_are_driven_along_their_arcs_with_the_wheels_off_the_crop(
     field = msgspec.structs.replace(FARM, row_curvature_radpm=bend_radpm)
     rows = lay_rows(field)
     path = planned(field, FARM_START)
-    certify(path, rows, rover(), MISSION.plant_clearance_m)
+    certify(path, rows, plain_rover(), MISSION.plant_clearance_m)
     assert rows_in_order(path) == [0, 1, 2, 3, 4, 5]
     for row in rows:
         on_row = path.row == row.index
@@ -217,4 +209,4 @@ def test_a_straight_path_over_a_bent_row_is_refused_where_a_wheel_meets_the_crop
     straight = planned(FARM, FARM_START)
     bent = lay_rows(msgspec.structs.replace(FARM, row_curvature_radpm=0.03))
     with refused(OverCrop(ANY, "row", ANY, ANY, ANY, ANY, ANY, ANY)):
-        certify(straight, bent, rover(), MISSION.plant_clearance_m)
+        certify(straight, bent, plain_rover(), MISSION.plant_clearance_m)

@@ -16,8 +16,9 @@ from agribot.core.config import FieldConfig
 from agribot.core.facts import Fact, NoHeadway, PictureFrozen, RowLost, RowsSkipped
 from agribot.core.messages import Estimate, GnssQuality, Goal, MissionStatus, Path
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at
 from tests.finding import holds
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=4, row_length_m=6.0))  # North, 1 m apart, from (1, 2)
 DT_S, LOST_M = 0.1, 5.0
@@ -25,11 +26,11 @@ Sees = Callable[["Drive"], bool | None]
 
 
 def plan(here: Estimate) -> Path:
-    return plan_rows(ROWS, (here.x_map_m, here.y_map_m, math.pi / 2), rover(), MISSION)
+    return plan_rows(ROWS, (here.x_map_m, here.y_map_m, math.pi / 2), plain_rover(), MISSION)
 
 
 def plan_around(path: Path, index: int, skipped: int) -> Path:
-    return plan_without(path, index, skipped, ROWS, rover(), MISSION)
+    return plan_without(path, index, skipped, ROWS, plain_rover(), MISSION)
 
 
 class Drive:

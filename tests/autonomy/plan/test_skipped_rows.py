@@ -18,20 +18,21 @@ from agribot.core.errors import MissionError
 from agribot.core.facts import RowsSkipped, Said
 from agribot.core.messages import Estimate, Path
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import MISSION, rover
+from tests.autonomy.plan.planting import MISSION
 from tests.autonomy.plan.test_mission_states import Ride
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=4, row_length_m=4.0))
 
 
 def plan(estimate: Estimate) -> Path:
     start = (estimate.x_map_m, estimate.y_map_m, math.pi / 2)
-    return plan_rows(ROWS, start, rover(), MISSION)
+    return plan_rows(ROWS, start, plain_rover(), MISSION)
 
 
 def around(path: Path, index: int, skipped: int) -> Path:
-    path = plan_without(path, index, skipped, ROWS, rover(), MISSION)
-    certify(path, ROWS, rover(), MISSION.plant_clearance_m)
+    path = plan_without(path, index, skipped, ROWS, plain_rover(), MISSION)
+    certify(path, ROWS, plain_rover(), MISSION.plant_clearance_m)
     return path
 
 
@@ -142,6 +143,6 @@ def test_called_in_the_middle_of_a_turn_the_way_stays_clear_of_the_crop(further_
     one.along(0.0, s_m)
     goal = one.be_at(*one.place(s_m), "skip_row")
     assert goal.path is not None
-    certify(goal.path, ROWS, rover(), MISSION.plant_clearance_m)
+    certify(goal.path, ROWS, plain_rover(), MISSION.plant_clearance_m)
     status = finish(one, s_m).be_at(0.0, 0.0).status
     assert (status.state, sorted(status.rows_done)) == ("done", [0, 2, 3])

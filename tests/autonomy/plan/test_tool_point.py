@@ -23,8 +23,9 @@ from agribot.core.facts import NoPlaceToTurn, NoWayInside
 from agribot.core.messages import FloatArray
 from agribot.description.loader import load_robot
 from tests.autonomy.plan.fields import REQUEST, SHAPE, SQUARE, WITH_HOLE, certified
-from tests.autonomy.plan.planting import FARM_START, MISSION, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION
 from tests.autonomy.plan.random_fields import random_field
+from tests.robot_parts import plain_rover
 
 BEHIND_M = -0.35
 BEHIND = msgspec.structs.replace(REQUEST, tool_x_m=BEHIND_M)
@@ -124,7 +125,7 @@ def test_random_fields_are_worked_by_a_tool_behind_the_robot(number: int) -> Non
 
 def test_the_tool_works_where_it_is_itself_beside_a_row_and_never_in_a_turn() -> None:
     rows = lay_rows(FieldConfig(row_count=3, row_length_m=4.0))
-    path = plan_rows(rows, FARM_START, rover(), MISSION)
+    path = plan_rows(rows, FARM_START, plain_rover(), MISSION)
     reach_m = 0.3
     route = Route(path, [0, 1, 2], MISSION, (), Tool(x_m=BEHIND_M, reach_m=reach_m))
     for index in range(len(path.s_m)):

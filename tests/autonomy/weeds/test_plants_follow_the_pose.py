@@ -10,7 +10,7 @@ import pytest
 
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import WeedConfig
-from agribot.core.implement.plants import Disc
+from agribot.core.implement.plants import Disc, GroundBox
 from agribot.core.messages import MappedPlant
 from agribot.core.pose import Pose2
 from tests.autonomy.implements.looks import POSE, cover
@@ -70,10 +70,13 @@ def test_the_ground_under_leaves_follows_as_well() -> None:
     weed_map.track_pose(make_estimate(0.06, 0.5, -0.4, 0.3, v_mps=0.0))
     now = Pose2(0.5, -0.4, 0.3)
     ground, there_m = weed_map.crop_ground, now.transform(*leaf_m)
-    assert ground.covers(*there_m, 0.3, 0.02, 0.02)
-    assert not ground.covers(*there_m, 0.3, 0.02, 0.02, known=[Disc(*there_m, 0.2)])
-    assert ground.is_seen(*there_m, 0.3, 0.02, 0.02)
-    assert not ground.covers(*leaf_m, 0.0, 0.02, 0.02)
+    there, before = (
+        GroundBox(place, 0.02, 0.02) for place in (Pose2(*there_m, 0.3), Pose2(*leaf_m, 0.0))
+    )
+    assert ground.covers(there)
+    assert not ground.covers(there, known=[Disc(*there_m, 0.2)])
+    assert ground.is_seen(there)
+    assert not ground.covers(before)
 
 
 def test_a_plant_that_the_robot_has_left_stands_where_the_poses_of_all_looks_had_it() -> None:

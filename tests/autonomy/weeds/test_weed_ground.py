@@ -7,6 +7,7 @@ import pytest
 
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import WeedConfig
+from agribot.core.implement.plants import GroundBox
 from agribot.core.pose import Pose2
 from tests.autonomy.implements.looks import POSE, score_weeds
 from tests.autonomy.weeds.weed_field import make_estimate, make_scene
@@ -27,9 +28,8 @@ def look(*scores: float) -> WeedMap:
 
 
 def find_scores(weed_map: WeedMap, x_m: float, *left_m: float, yaw_rad: float = 0.0) -> list[float]:
-    scores: list[float] = weed_map.weed_ground.find_scores(
-        x_m, 0.0, yaw_rad, left_m, 0.02, 0.02
-    ).tolist()
+    box = GroundBox(Pose2(x_m, 0.0, yaw_rad), 0.02, 0.02)
+    scores: list[float] = weed_map.weed_ground.find_scores(box, left_m).tolist()
     return scores
 
 
@@ -49,5 +49,7 @@ def test_suspected_ground_follows_the_corrections_of_the_pose() -> None:
     weed_map.track_pose(make_estimate(0.06, 0.5, -0.4, 0.3, v_mps=0.0))
     x_m, y_m = Pose2(0.5, -0.4, 0.3).transform(*PLACE_M)
     ground = weed_map.weed_ground
-    assert ground.find_scores(x_m, y_m, 0.3, (0.0,), 0.02, 0.02)[0] == pytest.approx(0.4, abs=0.01)
+    assert ground.find_scores(GroundBox(Pose2(x_m, y_m, 0.3), 0.02, 0.02), (0.0,))[
+        0
+    ] == pytest.approx(0.4, abs=0.01)
     assert find_scores(weed_map, *PLACE_M)[0] < 0.01

@@ -281,7 +281,6 @@ def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture
     for words, said in (
         (["--faults", "gnss.jump,gnss.moon"], "gnss.moon"),
         (["--seeds", "none"], "--seeds none"),
-        (["--workers", "0"], "--workers 0"),
         (["--faults", "clock.step", "--camera"], "no scenario with a camera"),
         (["--fault-free", "0"], "--fault-free 0"),
         (["--fault-free", "9", "--special"], "leave out --faults, --special"),
@@ -291,3 +290,6 @@ def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture
     ):
         assert main(["bench", "faults", *words]) == 2
         assert said in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["bench", "faults", "--workers", "0"])
+    assert "--workers: 0: " in capsys.readouterr().err

@@ -15,7 +15,6 @@ from tests.ros.messages import shown_samples as samples
 
 ROBOT = (3.5, 5.0, math.pi / 2.0)  # x, y (m) and heading in the map
 CENTRE = (3.5, 7.0)  # of what is shown, m
-MARKS_Y = 7.0
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
 Way = list[tuple[float, float, float]]  # x, y, heading
 

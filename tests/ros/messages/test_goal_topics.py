@@ -21,9 +21,10 @@ from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.messages.topic_writer import TopicWriter
 from tests.autonomy.plan.paper_task import PaperTask
-from tests.autonomy.plan.planting import FARM_START, MISSION, at, rover
+from tests.autonomy.plan.planting import FARM_START, MISSION, at
 from tests.autonomy.plan.test_mission_states import Ride
 from tests.record import record_samples as samples
+from tests.robot_parts import plain_rover
 
 ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
@@ -65,7 +66,7 @@ class Listener:
 
 @pytest.fixture
 def ride() -> Ride:
-    path = plan_rows(ROWS, FARM_START, rover(), MISSION)
+    path = plan_rows(ROWS, FARM_START, plain_rover(), MISSION)
     return Ride(Mission(PaperTask(lambda _: path, ROWS, go_to=lambda *_: path), MISSION))
 
 

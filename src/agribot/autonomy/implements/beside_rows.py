@@ -7,9 +7,8 @@ from itertools import combinations
 from statistics import median
 from typing import NamedTuple
 
-from agribot.autonomy.implements.tool_frame import ToolPose
+from agribot.autonomy.implements.tool_frame import ToolPose, find_crops
 from agribot.core.implement.plants import KnownPlant, PlantMap
-from agribot.core.messages import PlantClass
 from agribot.core.pose import Pose2
 
 # Crops of the map this far ahead of the tool and behind it show where their row runs, m.
@@ -74,11 +73,8 @@ class RowsAround:
 
 def find_rows_around(tool: ToolPose, plants: PlantMap, beside_m: float) -> RowsAround:
     """Find the rows that the crops of the map around the tool stand in."""
-    x_m, y_m, yaw_rad = tool
-    map_from_tool = Pose2(x_m, y_m, yaw_rad)
-    reach_m = REACH_M + beside_m
-    around = plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-    crops = [plant for plant in around if plant.plant == PlantClass.CROP]
+    map_from_tool = Pose2(*tool)
+    crops = find_crops(plants, tool, REACH_M + beside_m)
     return RowsAround([_see_from(map_from_tool, crop) for crop in crops], beside_m)
 
 

@@ -20,13 +20,14 @@ from agribot.autonomy.implements.crop_guard import (
 )
 from agribot.autonomy.implements.delay import StepMeter
 from agribot.autonomy.implements.leaves import spare_leaves
-from agribot.autonomy.implements.tool_frame import ToolPose, predict_tool
+from agribot.autonomy.implements.tool_frame import ToolPose, find_around, find_crops, predict_tool
 from agribot.core.config import LeafRule, TreatmentConfig
 from agribot.core.errors import ConfigError
 from agribot.core.implement.hoe import DEPTH, HoeSpec
 from agribot.core.implement.kind import ReportLine
-from agribot.core.implement.plants import KnownPlant, PlantMap
+from agribot.core.implement.plants import GroundBox, KnownPlant, PlantMap
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
+from agribot.core.pose import Pose2
 
 BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
@@ -95,7 +96,7 @@ class Hoe:
         half_m = spec.section_width_m / 2.0
         self._hoed_m2 += step_m * spec.section_width_m * sum(is_deep)
         tool = predict_tool(estimate, spec.x_body_m, 0.0)
-        for plant in _find_around(plants, tool, self._y_body_m[0] + half_m):
+        for plant in find_around(plants, tool, self._y_body_m[0] + half_m):
             x_m, y_m = _see_from(tool, plant)
             if plant.plant != PlantClass.WEED or abs(x_m) > max(step_m, HIT_M):
                 continue
@@ -122,8 +123,7 @@ class Hoe:
         reach_m = half_x_m + self._y_body_m[0] + half_y_m + self._find_most_keep_off_m()
         crops = [
             (*_see_from(middle, plant), self._find_keep_off_m(plant, estimate))
-            for plant in _find_around(plants, middle, reach_m)
-            if plant.plant == PlantClass.CROP
+            for plant in find_crops(plants, middle, reach_m)
         ]
         is_off_stems = tuple(
             all(_gap_m(x, y - blade_m, half_x_m, half_y_m) > keep_m for x, y, keep_m in crops)
@@ -180,12 +180,8 @@ class Hoe:
     ) -> bool:
         x_m = tool.x_map_m - math.sin(tool.yaw_map_rad) * left_m
         y_m = tool.y_map_m + math.cos(tool.yaw_map_rad) * left_m
-        return plants.crop_ground.is_seen(x_m, y_m, tool.yaw_map_rad, half_x_m, half_y_m)
-
-
-def _find_around(plants: PlantMap, tool: ToolPose, reach_m: float) -> list[KnownPlant]:
-    x_m, y_m, _ = tool
-    return list(plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m))
+        box = GroundBox(Pose2(x_m, y_m, tool.yaw_map_rad), half_x_m, half_y_m)
+        return plants.crop_ground.is_seen(box)
 
 
 def _see_from(tool: ToolPose, plant: KnownPlant) -> tuple[float, float]:

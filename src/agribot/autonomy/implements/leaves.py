@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 
 from agribot.autonomy.implements.beside_rows import NO_ROWS, REACH_M, RowsAround
-from agribot.autonomy.implements.tool_frame import ToolPose
+from agribot.autonomy.implements.tool_frame import ToolPose, find_crops
 from agribot.core.config import LeafRule
-from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
-from agribot.core.messages import PlantClass
+from agribot.core.implement.plants import Disc, GroundBox, KnownPlant, PlantMap
 from agribot.core.pose import Pose2
 
 # Reach of a plant's leaf tips over the radius of a disc of its area, and its maximum, m.
@@ -34,20 +33,15 @@ def spare_leaves(
     to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
     map do not count: its stem is spared by its place. By `mapped` and `rows`, those of every plant
     to whose stem in the map they point do not count either; by `any` no leaves count, by `none` all
-    do. Those beside
-    one of `rows`, where no heart of a crop can stand, never count; by most rules none are given.
+    do. Those beside one of `rows`, where no heart of a crop can stand, never count; by most rules
+    none are given.
     """
     if leaves == "any" or not any(is_on):
         return is_on
-    x_m, y_m, yaw_rad = tool
-    map_from_tool = Pose2(x_m, y_m, yaw_rad)
+    map_from_tool = Pose2(*tool)
     reach_m = max(half_x_m + section_y_m[0] + half_y_m + MAX_LEAVES_M, REACH_M)
     ground = plants.crop_ground
-    around = [
-        plant
-        for plant in plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-        if plant.plant == PlantClass.CROP
-    ]
+    around = find_crops(plants, tool, reach_m)
     crops = [
         Disc(plant.x_map_m, plant.y_map_m, _leaf_reach_m(plant))
         for plant in around
@@ -63,7 +57,8 @@ def spare_leaves(
         place_m = map_from_tool.transform(0.0, left_m)
         is_beside = rows.is_beside(left_m, half_x_m, half_y_m)
         dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
-        return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
+        box = GroundBox(Pose2(*place_m, tool.yaw_map_rad), half_x_m, half_y_m)
+        return ground.covers(box, dry, stems)
 
     return tuple(
         works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)

@@ -35,9 +35,10 @@ from agribot.autonomy.implements.tool_frame import (
 )
 from agribot.core.config import TreatmentConfig
 from agribot.core.implement.kind import ReportLine
-from agribot.core.implement.plants import KnownPlant, PlantMap
+from agribot.core.implement.plants import GroundBox, KnownPlant, PlantMap
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
+from agribot.core.pose import Pose2
 
 FAN_M = 0.04  # length of the spray on the ground along the way
 # Margin around leaves. Off leaves it is half that length and a cell of the ground under crop.
@@ -215,7 +216,8 @@ class SpotSprayer:
             return {}
         half_x_m = (FAN_M + step_m) / 2.0 + SUSPECT_M
         half_y_m = self._spec.section_width_m / 2.0 + SUSPECT_M
-        scores = plants.weed_ground.find_scores(*tool, self._y_body_m, half_x_m, half_y_m)
+        box = GroundBox(Pose2(*tool), half_x_m, half_y_m)
+        scores = plants.weed_ground.find_scores(box, self._y_body_m)
         return {index: float(score) for index, score in enumerate(scores) if score >= least}
 
     def _choose_suspected(

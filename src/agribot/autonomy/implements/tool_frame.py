@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from agribot.core.implement.plants import KnownPlant, PlantMap
-from agribot.core.messages import Estimate
+from agribot.core.messages import Estimate, PlantClass
 from agribot.core.pose import Pose2
 
 SEEN_AHEAD_M = 1.0  # distance of the last sight of a plant from the tool
@@ -27,6 +27,17 @@ class ToolPose(NamedTuple):
     x_map_m: float
     y_map_m: float
     yaw_map_rad: float
+
+
+def find_around(plants: PlantMap, tool: ToolPose, reach_m: float) -> list[KnownPlant]:
+    """Find the plants, confirmed or not, in an upright square around the tool point."""
+    x_m, y_m, _ = tool
+    return list(plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m))
+
+
+def find_crops(plants: PlantMap, tool: ToolPose, reach_m: float) -> list[KnownPlant]:
+    around = find_around(plants, tool, reach_m)
+    return [plant for plant in around if plant.plant == PlantClass.CROP]
 
 
 def find_near(

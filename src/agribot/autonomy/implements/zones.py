@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agribot.core.implement.plants import CropCells, Disc, KnownPlant, PlantMap
+from agribot.core.implement.plants import CropCells, Disc, GroundBox, KnownPlant, PlantMap
 from agribot.core.messages import FloatArray
-from agribot.core.pose import Pose2
 
 
 class ZoneMap(NamedTuple):
@@ -36,12 +35,10 @@ class ZoneMap(NamedTuple):
         rates: FloatArray = np.where(is_inside, found, np.nan)
         return rates
 
-    def spares(
-        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
-    ) -> bool:
-        """Whether any of a box on the ground, half sides along and across a yaw, is not worked."""
-        along_m, across_m = self._steps(half_x_m)[:, None], self._steps(half_y_m)[None, :]
-        rates = self.find_rates(*Pose2(x_map_m, y_map_m, yaw_map_rad).transform(along_m, across_m))
+    def spares(self, box: GroundBox) -> bool:
+        """Whether any of a box is not worked."""
+        along_m, across_m = self._steps(box.half_x_m)[:, None], self._steps(box.half_y_m)[None, :]
+        rates = self.find_rates(*box.middle.transform(along_m, across_m))
         return not bool((rates > 0.0).all())
 
     def _steps(self, half_m: float) -> FloatArray:
@@ -75,22 +72,12 @@ class _ZonedGround:
         self._ground, self._zones = ground, zones
 
     def covers(
-        self,
-        x_map_m: float,
-        y_map_m: float,
-        yaw_map_rad: float,
-        half_x_m: float,
-        half_y_m: float,
-        known: Sequence[Disc] = (),
-        stems: Sequence[Disc] = (),
+        self, box: GroundBox, known: Sequence[Disc] = (), stems: Sequence[Disc] = ()
     ) -> bool:
-        box = (x_map_m, y_map_m, yaw_map_rad, half_x_m, half_y_m)
-        return self._zones.spares(*box) or self._ground.covers(*box, known, stems)
+        return self._zones.spares(box) or self._ground.covers(box, known, stems)
 
-    def is_seen(
-        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
-    ) -> bool:
-        return self._ground.is_seen(x_map_m, y_map_m, yaw_map_rad, half_x_m, half_y_m)
+    def is_seen(self, box: GroundBox) -> bool:
+        return self._ground.is_seen(box)
 
     def is_alone(self, plant: Disc) -> bool:
         return self._ground.is_alone(plant)

@@ -20,7 +20,7 @@ from agribot.autonomy.perceive.far_view import (
     FarView,
     RowGrid,
 )
-from agribot.autonomy.perceive.picture_rows import measure_contrast
+from agribot.autonomy.perceive.picture_rows import measure_contrast, split_steps
 from agribot.autonomy.perceive.plant_cover import excess_green, level_green, measure_cover
 from agribot.core.messages import ByteArray, FloatArray
 
@@ -68,7 +68,7 @@ def find_far_line(contrast: FloatArray, view: FarView) -> FarLine | None:
     grid, compared = view.coarse, view.compare(contrast)
     weighed = _weigh(compared, grid, view)
     best = np.unravel_index(int(weighed.argmax()), weighed.shape)
-    around = (_split(axis, int(k)) for axis, k in zip(grid, best, strict=True))
+    around = (split_steps(axis, int(k)) for axis, k in zip(grid, best, strict=True))
     comb = _refine(contrast, view, RowGrid(*around))
     line = _spread(comb, grid, compared, weighed)
     is_sure = line.across_std_m <= MOST_ACROSS_RATIO * line.spacing_m
@@ -115,12 +115,6 @@ def _weigh(compared: Compared, grid: RowGrid, view: FarView, bend_per_m: float =
     )
     weighed: FloatArray = 0.5 * (PLANTS * compared.score.clip(0.0).astype(np.float64) ** 2 - off2)
     return weighed
-
-
-def _split(axis: FloatArray, k: int) -> FloatArray:
-    """Split the steps beside a grid's value."""
-    low, high = axis[max(k - 1, 0)], axis[min(k + 1, len(axis) - 1)]
-    return np.linspace((low + axis[k]) / 2.0, (high + axis[k]) / 2.0, 5)
 
 
 def _refine(contrast: FloatArray, view: FarView, grid: RowGrid) -> _Comb:

@@ -17,7 +17,7 @@ from agribot.autonomy.weeds.ground_ring import (
     wrap,
 )
 from agribot.autonomy.weeds.poses import PoseAt
-from agribot.core.implement.plants import Disc
+from agribot.core.implement.plants import Disc, GroundBox
 from agribot.core.messages import CropCover, FloatArray
 from agribot.core.pose import Pose2
 
@@ -73,23 +73,14 @@ class CropGround:
         self._stems_m[:, cells[0], cells[1]] = stems_m[:, has_stem]
 
     def covers(
-        self,
-        x_map_m: float,
-        y_map_m: float,
-        yaw_map_rad: float,
-        half_x_m: float,
-        half_y_m: float,
-        known: Sequence[Disc] = (),
-        stems: Sequence[Disc] = (),
+        self, box: GroundBox, known: Sequence[Disc] = (), stems: Sequence[Disc] = ()
     ) -> bool:
-        """Whether crop covers any of a box on the ground, its half sides along and across a yaw.
+        """Whether crop covers any of a box.
 
         Leaves inside the discs `known` do not count, nor do those that two looks in a row saw
         point into the discs `stems` and nowhere else: of those plants only the stems are spared.
         """
-        along_m, across_m = spread_steps(half_x_m)[:, None], spread_steps(half_y_m)[None, :]
-        box = Pose2(x_map_m, y_map_m, yaw_map_rad)
-        i, j = self._list_crop(*self._ring.find_cells(box, along_m, across_m))
+        i, j = self._list_crop(*self._find_cells(box))
         is_unknown = np.ones(len(i), dtype=bool)
         for disc in self._bring(known):
             dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
@@ -107,13 +98,13 @@ class CropGround:
             is_explained &= (np.hypot(at_x_m - x_m, at_y_m - y_m) <= radius_m).any(axis=0)
         return is_explained
 
-    def is_seen(
-        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
-    ) -> bool:
-        """Whether all of a box on the ground was looked at, with half sides as in `covers`."""
-        along_m, across_m = spread_steps(half_x_m)[:, None], spread_steps(half_y_m)[None, :]
-        box = Pose2(x_map_m, y_map_m, yaw_map_rad)
-        return bool(self._ring.find_held(*self._ring.find_cells(box, along_m, across_m)).all())
+    def is_seen(self, box: GroundBox) -> bool:
+        """Whether all of a box was looked at."""
+        return bool(self._ring.find_held(*self._find_cells(box)).all())
+
+    def _find_cells(self, box: GroundBox) -> tuple[IndexArray, ...]:
+        along_m, across_m = spread_steps(box.half_x_m)[:, None], spread_steps(box.half_y_m)[None, :]
+        return self._ring.find_cells(box.middle, along_m, across_m)
 
     def is_alone(self, plant: Disc) -> bool:
         """Whether hardly any crop grows around the disc: its leaves are those of one plant."""

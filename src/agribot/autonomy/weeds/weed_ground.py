@@ -13,6 +13,7 @@ from agribot.autonomy.weeds.ground_ring import (
     wrap,
 )
 from agribot.autonomy.weeds.poses import PoseAt
+from agribot.core.implement.plants import GroundBox
 from agribot.core.messages import FloatArray, WeedScores
 from agribot.core.pose import Pose2
 
@@ -47,23 +48,14 @@ class WeedGround:
         self._looks[at] = looks
         self._ring.take(i, j)
 
-    def find_scores(
-        self,
-        x_map_m: float,
-        y_map_m: float,
-        yaw_map_rad: float,
-        left_m: Sequence[float],
-        half_x_m: float,
-        half_y_m: float,
-    ) -> FloatArray:
-        """Find how surely a stem of a weed stands in each of a row of boxes on the ground, (N,).
+    def find_scores(self, box: GroundBox, left_m: Sequence[float]) -> FloatArray:
+        """Find how surely a stem of a weed stands in boxes `left_m` to the left of one, (N,).
 
-        The boxes lie `left_m` to the left of a place, with half sides along and across a yaw. What
-        was not looked at three times scores 0.
+        What was not looked at three times scores 0.
         """
-        box = Pose2(x_map_m, y_map_m, yaw_map_rad)
-        across_m = np.array(left_m)[:, None, None] + spread_steps(half_y_m)[None, None, :]
-        i, j = self._ring.find_cells(box, spread_steps(half_x_m)[None, :, None], across_m)
+        along_m = spread_steps(box.half_x_m)[None, :, None]
+        across_m = np.array(left_m)[:, None, None] + spread_steps(box.half_y_m)[None, None, :]
+        i, j = self._ring.find_cells(box.middle, along_m, across_m)
         is_seen = self._ring.find_held(i, j) & (self._looks[wrap(i, j)] >= LEAST_LOOKS)
         scores: FloatArray = np.where(is_seen, self._mean[wrap(i, j)], 0.0).max(axis=(1, 2))
         return scores

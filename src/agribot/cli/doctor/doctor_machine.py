@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from agribot.app.workers import usable_cpus
 from agribot.cli.doctor.doctor_findings import CheckResult
 
 LEAST_PYTHON = (3, 11)
@@ -45,7 +46,7 @@ def describe_machine(root: Path = Path("/")) -> dict[str, Any]:
         "architecture": platform.machine(),
         "board": read_board(root) or None,
         "cpu": _read_cpu_name(root),
-        "cpus_usable": _count_usable_cpus(),
+        "cpus_usable": usable_cpus(),
         "memory_gib": round(memory_bytes / GIB, 1) if memory_bytes else None,
     }
 
@@ -210,12 +211,6 @@ def _read_zones(root: Path) -> Iterator[tuple[float, str]]:
 def _read_cpu_name(root: Path) -> str | None:
     found = re.search(r"^model name\s*:\s*(.+)$", _read(root / "proc/cpuinfo"), re.MULTILINE)
     return found[1] if found else platform.processor() or None
-
-
-def _count_usable_cpus() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _read(path: Path) -> str:

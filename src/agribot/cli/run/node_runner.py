@@ -88,7 +88,3 @@ class NodeRunner:
         if reason != self._reported_reason and now_s >= self._next_report_s:
             self._reported_reason, self._next_report_s = reason, now_s + _REPORT_PERIOD_S
             self._print(reason or "working")
-
-
-def format_counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or "nothing"

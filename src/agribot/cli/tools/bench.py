@@ -81,7 +81,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         benchmark = names.add_parser(
             name, help=help_line, description=help_line, epilog=f"example: {example}"
         )
-        importlib.import_module(module_name).add_arguments(benchmark)
+        add_options(benchmark, module_name)
+
+
+def add_options(parser: argparse.ArgumentParser, module_name: str) -> None:
+    """Add the options of a benchmark, and those that all of them have."""
+    importlib.import_module(module_name).add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ import sys
 from typing import Any
 
 from agribot.cli.refusals import describe_error
+from agribot.cli.tools.bench import add_options
 from agribot.core.errors import AgribotError
 
 # name -> (module, options that keep it to a minute or two)
@@ -30,8 +31,8 @@ SHORT = {
 INTERRUPTED = 130
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print all results as the last line")
+def add_arguments(_parser: argparse.ArgumentParser) -> None:
+    """Add none of its own."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
 def _run_benchmark(module_name: str, short: tuple[str, ...]) -> tuple[int, Any]:
     module = importlib.import_module(module_name)
     parser = argparse.ArgumentParser()
-    module.add_arguments(parser)
+    add_options(parser, module_name)
     chosen = parser.parse_args([*short, "--json"])
     output = io.StringIO()
     with contextlib.redirect_stdout(output):

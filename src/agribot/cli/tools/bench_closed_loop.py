@@ -44,7 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "benchmark's own (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:

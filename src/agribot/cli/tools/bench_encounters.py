@@ -7,9 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from agribot.app.workers import usable_cpus
-from agribot.cli.ranges import check_workers
-from agribot.cli.tools.sweep import drive_all
+from agribot.cli.tools.sweep import add_workers, drive_all, end_early
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.lab.bench import encounters
@@ -27,15 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--lidar", action=argparse.BooleanOptionalAction, default=True,
         help="the robot has a lidar (default: yes)",
     )  # fmt: skip
-    parser.add_argument(
-        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
-    )
+    add_workers(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR",
         help="what is finished there is not driven again (default: runs/encounters, or "
         "runs/encounters-no-lidar)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -43,7 +38,6 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.sweep.execution import ProcessExecutor
     from agribot.lab.sweep.tables import SweepFolder
 
-    check_workers(options.workers)
     jobs = encounters.list_jobs(
         options.seeds, _read_speeds(options.speeds), has_lidar=options.lidar
     )
@@ -60,9 +54,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     if len(reports) + len(errors) < len(folder.jobs):
-        sys.stderr.write("agribot: interrupted; finished runs are kept, the same command runs the "
-                         "rest\n")  # fmt: skip
-        return 130
+        return end_early()
     return int(bool(errors))
 
 

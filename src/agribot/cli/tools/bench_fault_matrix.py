@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agribot.cli.counting import CountProgress
-from agribot.cli.ranges import check_workers
 from agribot.cli.stopping import stop_on_signal
 from agribot.cli.tools.result_files import read_page, write_result
 from agribot.cli.word_list import parse_names
@@ -46,7 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Return 130 where the campaign was interrupted, else 0: its table is the result."""
     chosen = choose_cells(options)
-    check_workers(options.workers)
     extras.require("sim", "agribot bench faults")
     page = None if options.markdown is None else read_page(options.markdown, BLOCK)
     folder = MatrixFolder((options.out or Path("runs") / "fault-matrix").resolve())

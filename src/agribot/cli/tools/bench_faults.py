@@ -8,11 +8,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from agribot.app.workers import usable_cpus
-from agribot.cli.ranges import check_within, check_workers
+from agribot.cli.ranges import check_within
 from agribot.cli.tools import bench_fault_matrix
 from agribot.cli.tools.result_files import read_page, write_result
-from agribot.cli.tools.sweep import drive_all
+from agribot.cli.tools.sweep import add_workers, drive_all, end_early
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
 from agribot.core.errors import ConfigError
@@ -54,9 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="N drives in which nothing goes wrong, in turns of the campaign's drives: false "
         "alarms and kilometres; without a camera unless --camera is given",
     )  # fmt: skip
-    parser.add_argument(
-        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
-    )
+    add_workers(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR",
         help="what is finished there is not driven again (default: runs/fault-matrix; in a row "
@@ -76,7 +73,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="put the summary and what is open into their place on a page such as "
         "docs/results/faults-matrix.md, and all cells into the .csv file beside it",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -118,9 +114,7 @@ def _run_in_row(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     if len(reports) + len(errors) < len(jobs):
-        sys.stderr.write("agribot: interrupted; finished runs are kept, the same command runs the "
-                         "rest\n")  # fmt: skip
-        return 130
+        return end_early()
     if page is not None:
         summary = f"`{_write_command(options)}`: {describe_result(result)}"
         _publish(options.markdown, page, _name(options), summary, rows)
@@ -138,7 +132,6 @@ def _publish(path: Path, page: str, name: str, summary: str, rows: Sequence[Faul
 def _choose(options: argparse.Namespace) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:
     """Choose what is driven, each scenario and each run of it."""
     names = parse_names("--faults", options.faults, faults.list_fault_names(options.platform))
-    check_workers(options.workers)
     count = options.fault_free
     if count is None:
         scenarios = faults.choose_scenarios(

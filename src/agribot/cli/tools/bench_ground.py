@@ -23,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--moisture", type=float, default=0.0, metavar="RATIO",
         help="0 (dry) to 1 (saturated; default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -25,7 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of each drive (default: to the end of the row)",
     )  # fmt: skip
     parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from agribot.cli.ranges import check_workers
+from agribot.cli.ranges import threads
 from agribot.cli.tools.sweep import drive, status
 from agribot.core import extras
 from agribot.core.errors import explain_os_error
@@ -27,14 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", default="1", metavar="LIST", help="default: %(default)s")
     parser.add_argument(
-        "--workers", type=int, default=1, help="processes, one mission each (default: %(default)s)"
-    )
+        "--workers", type=threads, default=1,
+        help="processes, one mission each (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, default=Path("runs/long"), metavar="DIR",
         help="missions that were cut off there go on, finished ones are not driven again (default: "
         "%(default)s)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -43,7 +43,6 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.sweep.execution import ProcessExecutor
     from agribot.lab.sweep.tables import SweepFolder
 
-    check_workers(options.workers)
     extras.require("sim", "agribot bench long")
     out = options.out.resolve()
     text = long_mission.make_plan(options.km)

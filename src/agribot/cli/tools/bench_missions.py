@@ -7,9 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from agribot.app.workers import usable_cpus
-from agribot.cli.ranges import check_workers
-from agribot.cli.tools.sweep import drive, status
+from agribot.cli.tools.sweep import add_workers, drive, status
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
 from agribot.description.conditions import load_condition_preset
@@ -32,14 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--preset", default=missions.PRESET, metavar="NAME|FILE",
         help="of the worlds: kind, field, hard, or a file (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
-        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
-    )
+    add_workers(parser)
     parser.add_argument(
         "--out", type=Path, default=Path("runs/missions"), metavar="DIR",
         help="what is finished there is not driven again (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -48,7 +43,6 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.sweep.tables import SweepFolder
 
     profiles = parse_names("--profiles", options.profiles, PROFILES)
-    check_workers(options.workers)
     extras.require("sim", "agribot bench missions")
     load_condition_preset(options.preset)
     seeds = read_seeds(options.seeds) if options.seeds else None

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
-from agribot.cli.ranges import check_within, check_workers, finite
+from agribot.cli.ranges import check_within, finite
 from agribot.cli.stopping import stop_on_signal
+from agribot.cli.tools.sweep import add_workers
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.lab.sweep.plan import read_seeds
@@ -62,9 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--integrity", action="store_true",
         help="also write how the protection level held: events per row-km, availability",
     )  # fmt: skip
-    parser.add_argument(
-        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
-    )
+    add_workers(parser)
     parser.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster instead of processes")
     parser.add_argument(
         "--out", type=Path, metavar="DIR",
@@ -73,7 +71,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw all missions there")
     parser.add_argument("--markdown", action="store_true", help="write the table as Markdown")
-    parser.add_argument("--json", action="store_true", help="print the results as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -108,7 +105,6 @@ def _check(options: argparse.Namespace) -> None:
             raise ConfigError(
                 f"--set {setting}: the benchmark changes settings of {groups} only; leave it out"
             )
-    check_workers(options.workers)
     if options.plot:
         extras.require("report", "--plot")
 

@@ -27,7 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="then see the camera over lines of these speeds, Mbit/s; none: leave them out",
     )  # fmt: skip
     parser.add_argument("--no-camera", action="store_true", help="states alone")
-    parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
-from agribot.cli.ranges import check_workers
+from agribot.cli.ranges import threads
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.lab.sweep.execution import (
@@ -35,16 +35,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--vary", action="append", default=[], metavar="A.B=C,D", help="one run for each value"
     )
-    parser.add_argument(
-        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
-    )
+    add_workers(parser)
     parser.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster instead of processes")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<UTC time>-sweep")
     parser.add_argument("--json", action="store_true", help="print the summary as the last line")
 
 
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--workers", type=threads, default=usable_cpus(),
+        help="processes (default: one for each CPU)",
+    )  # fmt: skip
+
+
 def run(options: argparse.Namespace) -> int:
-    check_workers(options.workers)
     if not options.ray:
         extras.require("sim", "a sweep on this machine")
     jobs = plan(options.profile, read_seeds(options.seeds), options.set, options.vary)
@@ -73,11 +77,16 @@ def drive(
 def status(result: dict[str, Any]) -> int:
     """Return the command's status: 0 where every run was good."""
     if result["runs_done"] + len(result["errors"]) < result["runs_total"]:
-        sys.stderr.write(
-            "agribot: interrupted; finished runs are kept, the same command runs the rest\n"
-        )
-        return 130
+        return end_early()
     return 0 if result["runs_ok"] == result["runs_total"] else 1
+
+
+def end_early() -> int:
+    """Say what becomes of interrupted work; return the command's status."""
+    sys.stderr.write(
+        "agribot: interrupted; finished runs are kept, the same command runs the rest\n"
+    )
+    return 130
 
 
 def drive_all(

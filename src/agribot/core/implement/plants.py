@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.pose import Pose2
 
 # Reasons for a weed that was left, as far as an implement gets on its way to treat it: the last
 # word counts.
@@ -21,6 +22,14 @@ class Disc(NamedTuple):
     x_map_m: float
     y_map_m: float
     radius_m: float
+
+
+class GroundBox(NamedTuple):
+    """A box on the ground of the map, with half sides along and across the yaw of its middle."""
+
+    middle: Pose2
+    half_x_m: float
+    half_y_m: float
 
 
 class PlacedPlant(Protocol):
@@ -59,14 +68,7 @@ class CropCells(Protocol):
     """Ground as the last looks showed it: under leaves of crop, bare, or not looked at."""
 
     def covers(
-        self,
-        x_map_m: float,
-        y_map_m: float,
-        yaw_map_rad: float,
-        half_x_m: float,
-        half_y_m: float,
-        known: Sequence[Disc] = (),
-        stems: Sequence[Disc] = (),
+        self, box: GroundBox, known: Sequence[Disc] = (), stems: Sequence[Disc] = ()
     ) -> bool:
         """Whether crop covers any of a box on the ground.
 
@@ -74,9 +76,7 @@ class CropCells(Protocol):
         """
         ...
 
-    def is_seen(
-        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
-    ) -> bool:
+    def is_seen(self, box: GroundBox) -> bool:
         """Whether all of a box on the ground was looked at."""
         ...
 
@@ -88,19 +88,8 @@ class CropCells(Protocol):
 class WeedCells(Protocol):
     """Ground as the looks of this pass suspect weeds on it, also those that are no plants yet."""
 
-    def find_scores(
-        self,
-        x_map_m: float,
-        y_map_m: float,
-        yaw_map_rad: float,
-        left_m: Sequence[float],
-        half_x_m: float,
-        half_y_m: float,
-    ) -> FloatArray:
-        """Find how surely, 0 to 1, a stem of a weed stands in each of a row of boxes, (N,).
-
-        The boxes lie `left_m` to the left of a place, with half sides along and across a yaw.
-        """
+    def find_scores(self, box: GroundBox, left_m: Sequence[float]) -> FloatArray:
+        """Find how surely, 0 to 1, a stem of a weed stands in boxes `left_m` to the left, (N,)."""
         ...
 
 

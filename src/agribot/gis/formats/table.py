@@ -33,6 +33,7 @@ from agribot.gis.geojson import (
     Feature,
     Found,
     Geometry,
+    make_feature,
     parse_features,
     read_geojson,
     read_position,
@@ -217,11 +218,9 @@ def _drop_heights(coordinates: Any, where: str, levels: Sequence[str]) -> Any:
 
 def _write_geojson(found: Sequence[Feature]) -> bytes:
     written = [
-        {
-            "type": "Feature",
-            "properties": {"kind": f.kind, **({"name": f.name} if f.name else {})},
-            "geometry": {"type": f.geometry, "coordinates": f.nest_coordinates()},
-        }
+        make_feature(
+            f.geometry, f.nest_coordinates(), kind=f.kind, **({"name": f.name} if f.name else {})
+        )
         for f in found
     ]
     return json.dumps({"type": "FeatureCollection", "features": written}, indent=1).encode() + b"\n"

@@ -7,7 +7,6 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from agribot.autonomy.perceive.picture_rows import FAR_RATIO, PictureRows
 from agribot.core.errors import explain_os_error
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.pose import Pose2
-from agribot.record.html_tables import format_number
+from agribot.record.tiles import format_number
 
 SHOWN = 6  # pictures on the page, evenly over the log
 SHOWN_PX, JPEG_QUALITY = 360, 80  # width of one
@@ -143,31 +142,22 @@ def _list_cells(one: ViewedPicture, pose: Pose2 | None) -> list[str]:
     return [f"{one.t_s:.3f}", *cells, one.unfit]
 
 
-def render_camera(study: CameraStudy) -> str:
-    """Render the section of the page: counts, pictures evenly over the log, and what is unfit."""
+def describe_camera(study: CameraStudy) -> dict[str, object]:
+    """Describe the section of the page: counts, pictures evenly over the log, and what is unfit."""
     summary, pictures = study.summarize(), study.pictures
     angles = [abs(one.row_angle_deg) for one in pictures if one.row_angle_deg is not None]
     tiles = (
-        ("Pictures looked at", f"{len(pictures)} of {study.messages}", escape(study.topic)),
+        ("Pictures looked at", f"{len(pictures)} of {study.messages}", study.topic),
         ("With a row line", str(summary["rows_found"]), "of one camera's pictures together"),
-        ("Angle of the line", f"{format_number(_median(angles), 1)}°", "from upright, median"),
-        ("Crop in the picture", f"{summary['crop_ratio']:.1%}", f"by {escape(study.network)}"),
+        ("Angle of the line", format_number(_median(angles), 1, "°"), "from upright, median"),
+        ("Crop in the picture", f"{summary['crop_ratio']:.1%}", f"by {study.network}"),
         ("Weed in the picture", f"{summary['weed_ratio']:.1%}", "of its pixels"),
         ("Unfit", str(summary["unfit"]), "by light, or plants that the network does not know"),
     )
-    shown = "".join(
-        f'<div class="tile"><dt>{name}</dt><dd>{value}</dd><small>{note}</small></div>'
-        for name, value, note in tiles
-    )
     unfit = [f"First unfit, {one.t_s:.1f} s: {one.unfit}" for one in pictures if one.unfit]
     refused = [f"Not read, such as: {reason}" for reason in study.refused]
-    notes = "".join(f"<p>{escape(reason)}.</p>" for reason in (*unfit[:1], *refused[:1]))
-    return (
-        f'<h2>Camera</h2>\n<dl class="tiles">{shown}</dl>\n<div class="card pictures">'
-        f"{''.join(map(_render_picture, _choose(pictures)))}</div>\n"
-        '<p class="none">Crop is green, weeds are red, lines are the rows. All pictures: '
-        f"pictures.csv.</p>{notes}"
-    )
+    shown = [(one.t_s, _describe_line(one), _encode(one.shown)) for one in _choose(pictures)]
+    return {"tiles": tiles, "shown": shown, "notes": (*unfit[:1], *refused[:1])}
 
 
 def _choose(pictures: Sequence[ViewedPicture]) -> list[ViewedPicture]:
@@ -175,15 +165,14 @@ def _choose(pictures: Sequence[ViewedPicture]) -> list[ViewedPicture]:
     return [pictures[(2 * k + 1) * len(pictures) // (2 * count)] for k in range(count)]
 
 
-def _render_picture(one: ViewedPicture) -> str:
+def _describe_line(one: ViewedPicture) -> str:
+    return "no row line" if one.row_angle_deg is None else f"row at {one.row_angle_deg:+.0f}°"
+
+
+def _encode(image_rgb: ByteArray) -> str:
     encoded = io.BytesIO()
-    Image.fromarray(one.shown).save(encoded, format="JPEG", quality=JPEG_QUALITY)
-    data = base64.b64encode(encoded.getvalue()).decode()
-    line = "no row line" if one.row_angle_deg is None else f"row at {one.row_angle_deg:+.0f}°"
-    return (
-        f'<figure><img alt="Camera at {one.t_s:.1f} s" src="data:image/jpeg;base64,{data}">'
-        f"<figcaption>{one.t_s:.1f} s, {line}</figcaption></figure>"
-    )
+    Image.fromarray(image_rgb).save(encoded, format="JPEG", quality=JPEG_QUALITY)
+    return base64.b64encode(encoded.getvalue()).decode()
 
 
 def _median(values: Sequence[float]) -> float | None:

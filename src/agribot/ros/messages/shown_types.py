@@ -42,7 +42,6 @@ GRID_UPDATE = "map_msgs/msg/OccupancyGridUpdate"
 ROUTE_POSITION = "marti_nav_msgs/msg/RoutePosition"
 # Ending of the topic beside that adds to it, by type.
 BESIDE = {"nav_msgs/msg/OccupancyGrid": "_updates", "marti_nav_msgs/msg/Route": "_position"}
-TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 
 def to_full_name(ros_type: str) -> str:

@@ -24,8 +24,6 @@ from agribot.ros.messages.rosmsg import (
     quaternion_from_yaw,
 )
 
-Pose7 = tuple[float, float, float, float, float, float, float]  # x y z, then x y z w
-
 
 class BodyTransforms:
     """map -> odom -> base_footprint.

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import functools
 
-from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from agribot.ros.ros1.types import load_ros1_types
+from agribot.ros.ros1.types import add_ros1_types
 
 _PACKAGE = "move_base_msgs/msg"
 ACTION_GOAL = f"{_PACKAGE}/MoveBaseActionGoal"
@@ -30,7 +29,4 @@ _TEXTS = {
 @functools.cache
 def load_action_types() -> Typestore:
     """Load the messages of ROS 1 with those of the action."""
-    store = load_ros1_types()
-    for name, text in _TEXTS.items():
-        store.register(get_types_from_msg(text, name))
-    return store
+    return add_ros1_types(_TEXTS)

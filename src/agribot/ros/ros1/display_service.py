@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 
-from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
@@ -17,9 +15,9 @@ from agribot.ros.display_requests import (
     wait_for_outcome,
 )
 from agribot.ros.ros1.node import Node
-from agribot.ros.ros1.route_types import sum_line
-from agribot.ros.ros1.service_server import Ros1ServiceServer, ServiceType
-from agribot.ros.ros1.types import load_ros1_types
+from agribot.ros.ros1.route_types import NestedServiceType
+from agribot.ros.ros1.service_server import Ros1ServiceServer
+from agribot.ros.ros1.types import add_ros1_types
 
 _REQUEST = "mapviz/msg/AddMapvizDisplayRequest"
 _RESPONSE = "mapviz/msg/AddMapvizDisplayResponse"
@@ -28,20 +26,7 @@ _TEXTS = {
     "marti_common_msgs/KeyValue[] properties\n",
     _RESPONSE: "bool success\nstring message\n",
 }
-
-
-class AddDisplayType(ServiceType):
-    """The sum of a type whose properties are messages: their own sum stands for them."""
-
-    __slots__ = ()
-
-    @property
-    def md5(self) -> str:
-        texts = ("\n".join(map(sum_line, part.splitlines())) for part in _TEXTS.values())
-        return hashlib.md5("".join(texts).encode(), usedforsecurity=False).hexdigest()
-
-
-ADD_DISPLAY = AddDisplayType("mapviz/AddMapvizDisplay", *_TEXTS.values())
+ADD_DISPLAY = NestedServiceType("mapviz/AddMapvizDisplay", *_TEXTS.values())
 
 
 def serve_displays(node: Node, take: TakeDisplay) -> Ros1ServiceServer:
@@ -70,7 +55,4 @@ def serve_displays(node: Node, take: TakeDisplay) -> Ros1ServiceServer:
 
 @functools.cache
 def load_display_types() -> Typestore:
-    store = load_ros1_types()
-    for name, text in _TEXTS.items():
-        store.register(get_types_from_msg(text, name))
-    return store
+    return add_ros1_types(_TEXTS)

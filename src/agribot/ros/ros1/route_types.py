@@ -6,12 +6,11 @@ import functools
 import hashlib
 from typing import Any
 
-from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from agribot.ros.decoding import make_undecodable
 from agribot.ros.ros1.service_server import ServiceType
-from agribot.ros.ros1.types import load_ros1_types
+from agribot.ros.ros1.types import add_ros1_types, load_ros1_types
 from agribot.ros.route_plans import RoutePlan
 
 _REQUEST = "marti_nav_msgs/msg/PlanRouteRequest"
@@ -29,18 +28,18 @@ _MESSAGES = {
 }
 
 
-class PlanRouteType(ServiceType):
-    """The sum of a type whose fields are messages: their own sums stand for them."""
+class NestedServiceType(ServiceType):
+    """A type whose fields are messages: their own sums stand for them in its sum."""
 
     __slots__ = ()
 
     @property
     def md5(self) -> str:
-        texts = ("\n".join(map(sum_line, part.splitlines())) for part in _TEXTS.values())
+        texts = ("\n".join(map(_sum_line, part.splitlines())) for part in self[1:])
         return hashlib.md5("".join(texts).encode(), usedforsecurity=False).hexdigest()
 
 
-PLAN_ROUTE = PlanRouteType("marti_nav_msgs/PlanRoute", *_TEXTS.values())
+PLAN_ROUTE = NestedServiceType("marti_nav_msgs/PlanRoute", *_TEXTS.values())
 
 
 def read_request(data: bytes) -> Any:
@@ -68,13 +67,10 @@ def pack_response(header: Any, plan: RoutePlan) -> bytes:
 
 @functools.cache
 def _load_types() -> Typestore:
-    store = load_ros1_types()
-    for name, text in _TEXTS.items():
-        store.register(get_types_from_msg(text, name))
-    return store
+    return add_ros1_types(_TEXTS)
 
 
-def sum_line(line: str) -> str:
+def _sum_line(line: str) -> str:
     """Give the line as it counts in a sum, with the sum of a message in place of its type."""
     name = line.split()[1]
     if name not in _MESSAGES:

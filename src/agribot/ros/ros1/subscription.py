@@ -40,11 +40,6 @@ class Subscription:
         self._sockets: set[socket.socket] = set()
         node.subscribe(name, ros_type, self._update_publishers)
 
-    @property
-    def has_publisher(self) -> bool:
-        """Whether the master knows a publisher of the topic now."""
-        return bool(self._publishers)
-
     def close(self) -> None:
         self._stopped.set()
         for sock in tuple(self._sockets):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +59,14 @@ def load_ros1_types() -> Typestore:
     for name, shipped in read_shipped_texts().items():
         if name.startswith("marti_"):
             store.register(get_types_from_msg(shipped, name))
+    return store
+
+
+def add_ros1_types(texts: Mapping[str, str]) -> Typestore:
+    """Add types by their names; return all of ROS 1."""
+    store = load_ros1_types()
+    for name, text in texts.items():
+        store.register(get_types_from_msg(text, name))
     return store
 
 

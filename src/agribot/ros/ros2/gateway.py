@@ -11,11 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from agribot.core import topics
-from agribot.core.errors import BridgeError
-from agribot.core.messages import TickRecord
 from agribot.core.topics import Qos, Topic
 from agribot.ros.messages.dds_names import to_dds_name
-from agribot.ros.requests import Requests, read_twist_cdr
+from agribot.ros.node_gateway import NodeGateway
+from agribot.ros.requests import Requests
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import ROUTER, Ros2Node
 from agribot.ros.ros2.parameters import Value
@@ -29,13 +28,15 @@ NODE = "agribot"
 _COMMAND_QOS = Qos()
 
 
-class Ros2Gateway:
+class Ros2Gateway(NodeGateway):
     """Publishes `out`; takes cmd_vel (with `requests.allow_drive`).
 
     If it `serves`, there are services, goals, the inbound topics, and `settings` as parameters.
 
     Raises: BridgeError: zenoh is not installed, or neither role of the endpoint is possible.
     """
+
+    source = "ROS 2"
 
     def __init__(
         self,
@@ -48,7 +49,7 @@ class Ros2Gateway:
         serves: bool = True,
         settings: Mapping[str, Value] | None = None,
     ) -> None:
-        self._requests = requests
+        super().__init__(requests)
         self._node = Ros2Node(NODE, domain, router, listen=listen)
         self.role = self._node.role
         self._writers = {
@@ -57,37 +58,14 @@ class Ros2Gateway:
         }
         self._watch_publishers()
         if requests.allow_drive:
-            self._subscribe_to_twists()
-        self._robot: Ros2RobotServer | None = None
+            self._node.subscribe(topics.CMD_VEL, self._take_twist, _COMMAND_QOS)
         if serves:
             server = ServiceServer(self._node, requests.refuse)
             self._robot = Ros2RobotServer(server, NODE, requests, settings or {})
 
-    def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
-        if self._requests.frames is not None:
-            self._requests.frames.note(topic, data)
-        for writer in self._writers.get(topic.name, ()):
-            writer(data)
-
-    def step(self, record: TickRecord) -> None:
-        if self._robot is not None:
-            self._robot.step(record)
-
     def close(self) -> None:
-        if self._robot is not None:
-            self._robot.close()
+        super().close()
         self._node.close()
-
-    def _subscribe_to_twists(self) -> None:
-        topic = topics.CMD_VEL
-
-        def on_message(data: bytes) -> None:
-            try:
-                self._requests.request_twist(read_twist_cdr(data), "ROS 2")
-            except BridgeError as error:
-                self._requests.refuse(f"ROS 2: {topic.name}: {error}")
-
-        self._node.subscribe(topic, on_message, _COMMAND_QOS)
 
     def _watch_publishers(self) -> None:
         """Report publishers of twists that are refused, or of another type, which cannot arrive."""

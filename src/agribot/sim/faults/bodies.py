@@ -10,10 +10,9 @@ import msgspec
 from agribot.core.messages import STOP, WHEEL_NAMES, DriveCommand
 from agribot.core.robot import Origin, RobotSpec, Shape
 from agribot.core.world import Obstacle, WorldSpec
-from agribot.sim.faults.carrying import Carrying
+from agribot.sim.faults.handling import Carrying, Tipping
 from agribot.sim.faults.motors import draw_weak_wheel, list_torque_shares
 from agribot.sim.faults.schedule import Fault
-from agribot.sim.faults.tipping import Tipping
 from agribot.sim.physics import Physics
 
 MUD_RADIUS_M = 2.0  # radius of the hollow around the place where the mud begins

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from agribot.autonomy.plan.mission.caution import CropGuard, LostRow, across_std_m, caution_ratio
 from agribot.autonomy.plan.mission.route import Route
-from agribot.autonomy.plan.mission.stall import StallWatch
 from agribot.core.config import MissionConfig
 from agribot.core.facts import (
     EstimateNotReady,
@@ -27,6 +27,25 @@ from agribot.core.row_shape import project_on_row, row_length_m
 BESIDE_CROP_M, PAST_CROP_M = 0.6, 0.4
 # Distance from the path that an error of the pose explains, in sigmas of the pose.
 OFF_PATH_SIGMA = 3.0
+HEADWAY_M = 0.05  # least progress along the path that counts
+
+
+class StallWatch:
+    """Call it while the mission runs; `restart` when it starts or goes on after a pause."""
+
+    def __init__(self, limit_s: float) -> None:
+        self._limit_s = limit_s
+        self._best_m = -math.inf
+        self._since_s = math.nan
+
+    def restart(self) -> None:
+        self._best_m, self._since_s = -math.inf, math.nan
+
+    def is_stalled(self, s_m: float, t_s: float) -> bool:
+        """Say whether `s_m` along the path has not grown by HEADWAY_M for too long."""
+        if s_m >= self._best_m + HEADWAY_M:
+            self._best_m, self._since_s = s_m, t_s
+        return t_s - self._since_s > self._limit_s
 
 
 class Watch:
