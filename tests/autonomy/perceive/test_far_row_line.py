@@ -128,6 +128,26 @@ def test_rows_that_bend_are_told_where_the_robot_is_and_not_where_they_go() -> N
     assert line.offset_m == pytest.approx(-bend_per_m * line.at_ahead_m**2 / 2.0, abs=0.05)
 
 
+def draw_straight_rows(lefts_m: Sequence[float]) -> ClassMap:
+    """Draw rows without weeds or gaps along the robot's way, each `lefts_m` left of it."""
+    along_m = np.arange(0.4, FARTHEST_M, SPACING_M)
+    left_m, ahead_m = (part.ravel() for part in np.meshgrid(lefts_m, along_m))
+    return draw(FRONT, ahead_m, left_m)
+
+
+def test_a_row_drilled_off_its_place_is_where_its_plants_are() -> None:
+    lefts_m = [PITCH_M * k + (0.04 if k == 0 else 0.0) for k in range(-6, 7)]
+    line = find_row_line(draw_straight_rows(lefts_m), FRONT, 1.0)
+    assert line is not None
+    assert line.offset_m == pytest.approx(-0.04, abs=0.015)
+
+
+def test_beside_the_field_the_nearest_row_with_plants_is_found() -> None:
+    line = find_row_line(draw_straight_rows([0.44 + PITCH_M * k for k in range(6)]), FRONT, 1.0)
+    assert line is not None
+    assert line.offset_m == pytest.approx(-0.44, abs=0.03)
+
+
 def test_plants_strewn_about_are_no_rows_to_the_horizon() -> None:
     rng, found = np.random.default_rng(0), 0
     for _ in range(12):

@@ -1,8 +1,9 @@
 """The crop row before the robot by all rows that a front camera sees, with its sigma.
 
 Every comb of parallel rows has a likelihood by how it correlates with the plants of the picture.
-The likeliest one is the result; the distance of the others from it, weighted by likelihood, is its
-sigma.
+The result is the mean of the likeliest one and those beside it; the distance of all others from it,
+weighted by likelihood, is its sigma. Of its rows the nearest that bears plants is taken, where its
+own plants stand.
 Source: Barnard 1983 (vanishing points by accumulation).
 """
 
@@ -16,11 +17,13 @@ import numpy as np
 from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.far_view import (
     CELLS,
+    Comb,
     Compared,
     FarView,
     RowGrid,
 )
-from agribot.autonomy.perceive.picture_rows import measure_contrast, split_steps
+from agribot.autonomy.perceive.own_row import find_own_row
+from agribot.autonomy.perceive.picture_rows import measure_contrast
 from agribot.autonomy.perceive.plant_cover import excess_green, level_green, measure_cover
 from agribot.core.messages import ByteArray, FloatArray
 
@@ -30,6 +33,7 @@ PLANTS = 400.0  # independent ones as which a picture counts
 TILT_STD_RAD, YAW_STD_RAD = math.radians(3.0), math.radians(15.0)
 SPACING_STD_RATIO, BEND_STD_PER_M = 0.1, 0.02
 BENDS_PER_M = (-0.04, -0.02, 0.02, 0.04)
+STEPS = 7, 7, 5  # tilts, directions and spacings about the likeliest, from one step to the next
 PLACE_M = 1.4  # ahead of the body's origin, where lines of different combs are compared
 NEAREST_M, FARTHEST_M = 0.6, 3.0  # ahead, where offset and heading are measured
 # Largest 1 sigma of a line: beyond it neither the row nor its direction can be identified.
@@ -55,22 +59,16 @@ class FarLine(NamedTuple):
     tilt_rad: float
 
 
-class _Comb(NamedTuple):
-    tilt_rad: float
-    yaw_rad: float
-    spacing_m: float
-    left_m: float
-    bend_per_m: float
-
-
 def find_far_line(contrast: FloatArray, view: FarView) -> FarLine | None:
     """Find the row nearest to the robot's way in a contrast (CELLS, CELLS); None: too doubtful."""
     grid, compared = view.coarse, view.compare(contrast)
     weighed = _weigh(compared, grid, view)
     best = np.unravel_index(int(weighed.argmax()), weighed.shape)
-    around = (split_steps(axis, int(k)) for axis, k in zip(grid, best, strict=True))
+    around = (_span(axis, int(k), n) for axis, k, n in zip(grid, best, STEPS, strict=True))
     comb = _refine(contrast, view, RowGrid(*around))
-    line = _spread(comb, grid, compared, weighed)
+    row = find_own_row(contrast, view, comb, PLACE_M)
+    line = _spread(comb._replace(left_m=row.left_m), grid, compared, weighed)
+    line = line._replace(y_m=line.y_m + row.aside_m / math.cos(line.yaw_rad))
     is_sure = line.across_std_m <= MOST_ACROSS_RATIO * line.spacing_m
     return line if is_sure and line.yaw_std_rad <= MOST_YAW_STD_RAD else None
 
@@ -117,36 +115,69 @@ def _weigh(compared: Compared, grid: RowGrid, view: FarView, bend_per_m: float =
     return weighed
 
 
-def _refine(contrast: FloatArray, view: FarView, grid: RowGrid) -> _Comb:
-    """Find the likeliest comb between the steps of the coarse grid, straight or bent."""
-    comb, most = _find_best(contrast, view, grid, 0.0)
-    at_tilt = grid._replace(tilts_rad=np.array([comb.tilt_rad]))
+def _span(axis: FloatArray, k: int, count: int) -> FloatArray:
+    """Split both steps beside a grid's value, from the one before to the one after."""
+    return np.linspace(axis[max(k - 1, 0)], axis[min(k + 1, len(axis) - 1)], count)
+
+
+def _refine(contrast: FloatArray, view: FarView, grid: RowGrid) -> Comb:
+    """Find the comb between the steps of the coarse grid, straight or bent."""
+    compared = view.compare_fine(contrast, grid)
+    weighed = _weigh(compared, grid, view)
+    likeliest = _take_best(compared, grid, weighed, 0.0)
+    comb, most = _average(likeliest, compared, grid, weighed), float(weighed.max())
+    at_tilt = RowGrid(np.array([likeliest.tilt_rad]), grid.yaws_rad[1:-1], grid.spacings_m)
     for bend_per_m in BENDS_PER_M:
-        bent, weight = _find_best(contrast, view, at_tilt, bend_per_m)
-        if weight > most:
-            comb, most = bent, weight
+        compared = view.compare_fine(contrast, at_tilt, bend_per_m)
+        weighed = _weigh(compared, at_tilt, view, bend_per_m)
+        if float(weighed.max()) > most:
+            comb = _take_best(compared, at_tilt, weighed, bend_per_m)
+            most = float(weighed.max())
     return comb
 
 
-def _find_best(
-    contrast: FloatArray, view: FarView, grid: RowGrid, bend_per_m: float
-) -> tuple[_Comb, float]:
-    """Find the likeliest comb of a grid, and its weight."""
-    compared = view.compare_fine(contrast, grid, bend_per_m)
-    weighed = _weigh(compared, grid, view, bend_per_m)
+def _take_best(compared: Compared, grid: RowGrid, weighed: FloatArray, bend_per_m: float) -> Comb:
+    """Take the likeliest comb of a grid."""
     k = np.unravel_index(int(weighed.argmax()), weighed.shape)
     tilt_rad, yaw_rad, spacing_m = (float(axis[i]) for axis, i in zip(grid, k, strict=True))
-    comb = _Comb(tilt_rad, yaw_rad, spacing_m, float(compared.left_m[k]), bend_per_m)
-    return comb, float(weighed[k])
+    return Comb(tilt_rad, yaw_rad, spacing_m, float(compared.left_m[k]), bend_per_m)
 
 
-def _spread(comb: _Comb, grid: RowGrid, compared: Compared, weighed: FloatArray) -> FarLine:
-    """Take the line of a comb nearest to the robot's way, and how far those of others lie off."""
+def _average(comb: Comb, compared: Compared, grid: RowGrid, weighed: FloatArray) -> Comb:
+    """Average the combs of a grid with a line where `comb` has one, by their likelihood."""
+    share = _share(weighed)
+    yaws_rad = np.broadcast_to(grid.yaws_rad[:, None], share.shape)
+    y_m = _find_nearest(comb)
+    at_m = _find_line(y_m, yaws_rad, compared.left_m.astype(np.float64), grid.spacings_m)
+    yaw_rad = float((share * yaws_rad).sum())
+    return Comb(
+        float((share * grid.tilts_rad[:, None, None]).sum()),
+        yaw_rad,
+        float((share * grid.spacings_m).sum()),
+        math.cos(yaw_rad) * float((share * at_m).sum()) - math.sin(yaw_rad) * PLACE_M,
+        0.0,
+    )
+
+
+def _share(weighed: FloatArray) -> FloatArray:
+    share = np.exp(weighed - weighed.max())
+    shares: FloatArray = share / share.sum()
+    return shares
+
+
+def _find_nearest(comb: Comb) -> float:
+    """Find how far left of the robot's way, at PLACE_M ahead, the nearest line of a comb lies."""
+    left_m = comb.left_m + comb.bend_per_m * PLACE_M**2 / 2.0
+    nearest = _find_line(0.0, np.array(comb.yaw_rad), np.array(left_m), np.array(comb.spacing_m))
+    return float(nearest)
+
+
+def _spread(comb: Comb, grid: RowGrid, compared: Compared, weighed: FloatArray) -> FarLine:
+    """Take the line of a comb at its `left_m`, and how far the nearest ones of others lie off."""
     yaw_rad = comb.yaw_rad + math.atan(comb.bend_per_m * PLACE_M)
     left_m = comb.left_m + comb.bend_per_m * PLACE_M**2 / 2.0
-    y_m = float(_find_line(0.0, np.array(comb.yaw_rad), np.array(left_m), np.array(comb.spacing_m)))
-    share = np.exp(weighed - weighed.max())
-    share /= share.sum()
+    y_m = left_m / math.cos(comb.yaw_rad) + math.tan(comb.yaw_rad) * PLACE_M
+    share = _share(weighed)
     yaws_rad = np.broadcast_to(grid.yaws_rad[:, None], share.shape)
     turned_rad = yaws_rad - comb.yaw_rad
     aside_m = _find_line(y_m, yaws_rad, compared.left_m.astype(np.float64), grid.spacings_m) - y_m

@@ -25,7 +25,9 @@ CELLS = 64  # rows and columns in which a picture is looked at
 # A camera that sees level ground farther than this at its upper edge sees rows run away from it.
 LEAST_FAR_M = 3.0
 LEAST_SINK_RATIO = 0.14  # least sink of a ray per metre ahead; farther off rows are too fine
+LEAST_TILTED_RATIO = 0.05  # the same of a camera that is tilted up
 SIDE_M, BINS = 4.0, 320  # reach to both sides, and places across the rows in which cover is counted
+PLACES_M = ((np.arange(BINS) + 0.5) / BINS * 2.0 - 1.0) * SIDE_M  # middles, left positive
 # Harmonics of a comb, and the heights of its teeth.
 HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])
 PHASES = np.linspace(0.0, 1.0, 32, endpoint=False)  # phases of a comb, in spacings
@@ -45,6 +47,16 @@ COARSE_TILTS_RAD = np.radians(np.linspace(-6.0, 6.0, 7))
 COARSE_YAWS_RAD = np.radians(np.linspace(-30.0, 30.0, 31))
 ANY_SPACING_M = np.geomspace(0.25, 1.0, 26)
 KNOWN_SPACING_RATIO = np.geomspace(0.78, 1.28, 9)  # ratios to the spacing of the field's rows
+
+
+class Comb(NamedTuple):
+    """A comb of parallel rows; `left_m` is how far left of the body's origin one passes."""
+
+    tilt_rad: float
+    yaw_rad: float
+    spacing_m: float
+    left_m: float
+    bend_per_m: float
 
 
 class Compared(NamedTuple):
@@ -75,16 +87,24 @@ class FarView:
         camera_m: FloatArray,
         spacing_m: float | None = None,
         tilts_rad: FloatArray = COARSE_TILTS_RAD,
+        *,
+        is_mounted: bool = True,
     ) -> None:
         """Take the directions (CELLS, CELLS, 3) into which cells look at no tilt; NaN looks none.
 
-        Rows of the field are `spacing_m` apart, None where that is not known.
+        Rows of the field are `spacing_m` apart, None where that is not known. A mounted camera is
+        tilted a little only: tilts are compared by the same cells, or the one that sees least of
+        the far rows, which fit worst, would seem best.
         """
         self.camera_m, self.spacing_m = camera_m, spacing_m
         spacings_m = ANY_SPACING_M if spacing_m is None else spacing_m * KNOWN_SPACING_RATIO
         self.coarse = RowGrid(tilts_rad, COARSE_YAWS_RAD, spacings_m)
-        self._ahead, self._left, up = np.moveaxis(rays_body, -1, 0)
-        self._down = -up
+        ahead, left, up = rays_body.reshape(-1, 3).T
+        away = np.hypot(ahead, left)
+        self._cell = np.flatnonzero(-up > LEAST_SINK_RATIO * away if is_mounted else away >= 0.0)
+        self._ahead, self._left, self._down = (part[self._cell] for part in (ahead, left, -up))
+        # Far rows of plants are as many as near ones, in fewer lines of the picture.
+        self._weight = away[self._cell] / self._down if is_mounted else None
         self._grounds = [self.find_ground(float(tilt_rad)) for tilt_rad in tilts_rad]
         self._bins = [_find_bins(ground, COARSE_YAWS_RAD) for ground in self._grounds]
 
@@ -113,13 +133,20 @@ class FarView:
         cos, sin = math.cos(tilt_rad), math.sin(tilt_rad)
         ahead = cos * self._ahead - sin * self._down
         sink = sin * self._ahead + cos * self._down
-        is_seen = sink > LEAST_SINK_RATIO * np.hypot(ahead, self._left)
-        reach = (float(self.camera_m[2]) - FOLIAGE_M) / sink[is_seen]
-        x_m, y_m = ahead[is_seen] * reach, self._left[is_seen] * reach
-        # Far rows of plants are as many as near ones, in fewer lines of the picture.
-        weight = np.hypot(x_m, y_m)
-        place_m = x_m + self.camera_m[0], y_m + self.camera_m[1]
-        return FarGround(*place_m, weight, np.flatnonzero(is_seen))
+        away = np.hypot(ahead, self._left)
+        reach = (float(self.camera_m[2]) - FOLIAGE_M) / np.maximum(sink, LEAST_TILTED_RATIO * away)
+        place_m = ahead * reach + self.camera_m[0], self._left * reach + self.camera_m[1]
+        if self._weight is not None:
+            return FarGround(*place_m, self._weight, self._cell)
+        is_seen = sink > LEAST_SINK_RATIO * away
+        x_m, y_m, weight = (part[is_seen] for part in (*place_m, away * reach))
+        return FarGround(x_m, y_m, weight, self._cell[is_seen])
+
+    def sum_by_row(self, contrast: FloatArray, comb: Comb) -> tuple[FloatArray, FloatArray]:
+        """Sum contrast by its place across a comb: places (BINS,) in spacings from its line."""
+        ground = self.find_ground(comb.tilt_rad)
+        bins = _find_bins(ground, np.array([comb.yaw_rad]), comb.bend_per_m)
+        return (PLACES_M - comb.left_m) / comb.spacing_m, _sum_across(contrast, ground, bins)[0]
 
     def compare(self, contrast: FloatArray) -> Compared:
         """Correlate a contrast (CELLS, CELLS) with the combs of `coarse`."""
@@ -162,10 +189,11 @@ def _sum_across(contrast: FloatArray, ground: FarGround, bins: Index) -> FloatAr
 
 def _correlate(sums: FloatArray, spacings_m: FloatArray) -> Compared:
     """Correlate sums (tilts, yaws, BINS) with the teeth of each spacing at the best phase."""
-    places_m = ((np.arange(BINS) + 0.5) / BINS * 2.0 - 1.0) * SIDE_M
-    turns = 2.0 * np.pi * places_m[:, None, None] * HARMONICS / spacings_m[:, None]
+    turns = 2.0 * np.pi * PLACES_M[:, None, None] * HARMONICS / spacings_m[:, None]
     waves = np.concatenate([np.cos(turns), np.sin(turns)], axis=2).reshape(BINS, -1)
     parts = (sums @ waves).reshape(*sums.shape[:2], len(spacings_m), -1)
     teeth = parts @ TEETH
-    left_m = PHASES[teeth.argmax(axis=3)] * spacings_m
-    return Compared(teeth.max(axis=3).astype(np.float32), left_m.astype(np.float32))
+    best = teeth.argmax(axis=3)
+    score = np.take_along_axis(teeth, best[..., None], axis=3)[..., 0]
+    left_m = PHASES[best] * spacings_m
+    return Compared(score.astype(np.float32), left_m.astype(np.float32))

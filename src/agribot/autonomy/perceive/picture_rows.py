@@ -244,7 +244,7 @@ def _refine(contrast: FloatArray, compared: _Compared, prior: FloatArray) -> Pic
     """Take the likeliest comb of a picture, and the best one around it between the grid's steps."""
     weighed = _weigh(compared.score, prior)
     best = np.unravel_index(int(weighed.argmax()), weighed.shape)
-    fine = Grid(*(split_steps(axis, int(k)) for axis, k in zip(COARSE, best, strict=True)))
+    fine = Grid(*(_split(axis, int(k)) for axis, k in zip(COARSE, best, strict=True)))
     around = _compare(contrast, fine)
     k = np.unravel_index(int(_weigh(around.score, _interpolate(prior, fine)).argmax()), fine.shape)
     depth, across, spacing = (float(axis[i]) for axis, i in zip(fine, k, strict=True))
@@ -288,7 +288,7 @@ def _find_sure_share(rows: PictureRows, phase: Comparison, share: FloatArray) ->
     return float(share[is_right].sum())
 
 
-def split_steps(axis: FloatArray, k: int) -> FloatArray:
+def _split(axis: FloatArray, k: int) -> FloatArray:
     """Split the steps beside a value of a grid's axis."""
     low, high = axis[max(k - 1, 0)], axis[min(k + 1, len(axis) - 1)]
     return np.linspace((low + axis[k]) / 2.0, (high + axis[k]) / 2.0, 5)

@@ -151,7 +151,7 @@ def _open_view(camera: CameraSpec, roll_rad: float) -> FarView:
     """Open the view of a camera that looks at the horizon, UNIT_M high."""
     rolled = rotation_from_rpy(roll_rad, 0.0, 0.0) @ LINK_FROM_OPTICAL[:3, :3]
     rays = find_rays(camera, (CELLS, CELLS)) @ rolled.T
-    return FarView(rays, np.array([0.0, 0.0, UNIT_M]), tilts_rad=np.zeros(0))
+    return FarView(rays, np.array([0.0, 0.0, UNIT_M]), tilts_rad=np.zeros(0), is_mounted=False)
 
 
 def _mean_exp(weighed: FloatArray, axis: int) -> FloatArray:
