@@ -17,6 +17,7 @@ import numpy as np
 from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.far_view import (
     CELLS,
+    PLANTS,
     Comb,
     Compared,
     FarView,
@@ -27,7 +28,6 @@ from agribot.autonomy.perceive.picture_rows import measure_contrast
 from agribot.autonomy.perceive.plant_cover import excess_green, level_green, measure_cover
 from agribot.core.messages import ByteArray, FloatArray
 
-PLANTS = 400.0  # independent ones as which a picture counts
 # 1 sigma, before anything is seen: of the camera's tilt on rough ground, of the robot's heading in
 # rows, of the spacing of rows over that of the field (its logarithm), of the bend of rows.
 TILT_STD_RAD, YAW_STD_RAD = math.radians(3.0), math.radians(15.0)

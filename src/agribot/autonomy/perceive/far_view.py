@@ -28,6 +28,7 @@ LEAST_SINK_RATIO = 0.14  # least sink of a ray per metre ahead; farther off rows
 LEAST_TILTED_RATIO = 0.05  # the same of a camera that is tilted up
 SIDE_M, BINS = 4.0, 320  # reach to both sides, and places across the rows in which cover is counted
 PLACES_M = ((np.arange(BINS) + 0.5) / BINS * 2.0 - 1.0) * SIDE_M  # middles, left positive
+PLANTS = 400.0  # independent ones as which a picture counts
 # Harmonics of a comb, and the heights of its teeth.
 HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])
 PHASES = np.linspace(0.0, 1.0, 32, endpoint=False)  # phases of a comb, in spacings

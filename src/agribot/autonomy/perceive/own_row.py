@@ -10,10 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.perceive.far_view import HARMONICS, HEIGHTS, Comb, FarView
+from agribot.autonomy.perceive.far_view import HARMONICS, HEIGHTS, PLANTS, Comb, FarView
 from agribot.core.messages import FloatArray
 
-PLANTS = 400.0  # independent ones as which a picture counts
 LEAST_BORNE_RATIO = 0.25  # least contrast over that of the best row; less is no row
 MOST_TURNS = 1.5  # farthest row from the robot's way, in spacings
 # Errors of a row's place between its neighbours that are tried, and their 1 sigma, in spacings.
