@@ -7,6 +7,7 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.witnesses.carry_watch import CarryWatch
+from agribot.autonomy.estimate.witnesses.spin_watch import SpinWatch
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import RobotCarried
 from agribot.core.messages import ControlMission, Estimate, SensorBatch
@@ -111,3 +112,12 @@ def test_a_robot_whose_heading_may_be_wrong_is_carried_only_where_it_outruns_its
         found = watch.find(is_heading_sure=False)
         assert watch.find() is not None
         assert (found and found.moved) == moved
+
+
+@pytest.mark.parametrize(("claimed_mps", "spins"), [(0.4, True), (0.01, False)])
+def test_wheels_that_stand_do_not_spin_where_the_antenna_moves(
+    claimed_mps: float, *, spins: bool
+) -> None:
+    watch = SpinWatch(8)
+    found = [watch.is_spinning(claimed_mps, (-0.4, 0.0), 0.05) for _ in range(20)]
+    assert any(found) == spins
