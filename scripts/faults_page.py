@@ -47,7 +47,8 @@ TAIL = """
 - `outside_m_max`: how far any part of the robot was outside the field; without a plan, outside the
   rectangle around rows and start with `mission.headland_m`, 1.5 m and the turning circle.
 - `stop_distance_m_max`, `stop_allowed_m`, `stops_too_long`: the longest way to a standstill, what
-  the drive promises at that speed, and the stops that took more.
+  the drive promises (more for a silent board or a tipped robot), and
+  the stops that took more.
 - `crushes`, `crushed_after_fault`: crops crushed since the first fault began, with time and cause;
   `when` is `before_detection`, `after_detection` while the robot still moved, `after_standstill`,
   or `by_fault`, where hands set the robot down.

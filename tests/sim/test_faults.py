@@ -29,6 +29,7 @@ from agribot.core.messages import (
 )
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Plant, WorldSpec
+from agribot.sim.faults.layer import FaultLayer
 from agribot.sim.faults.links import flip_bit
 from agribot.sim.faults.motions import MOTOR_T_PER_NM
 from agribot.sim.faults.pictures import HungNetwork, find_mount_shift_m
@@ -316,6 +317,17 @@ def test_the_red_button_stops_the_motors_for_as_long_as_it_is_pressed(
     assert 0.1 < pressed.true_at(FROM_S + 0.5).v_mps < 0.35
     assert pressed.true_at(UNTIL_S).v_mps == pytest.approx(0.0, abs=0.02)
     assert pressed.true_at(END_S).v_mps == pytest.approx(0.4, abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["button.pressed", "inputs.silent"])
+def test_a_device_that_fails_twice_fails_each_time(
+    rover: RobotSpec, meadow: WorldSpec, name: str
+) -> None:
+    faults = [parse_fault(f"{name}@{begin_s}+1") for begin_s in (1, 3)]
+    layer = FaultLayer(faults, RunConfig(), rover, meadow)
+    told = [layer.alter(SensorBatch(t_s=t_s)).board[-1] for t_s in (0.5, 1.5, 2.5, 3.5, 4.5)]
+    fails = [one.is_button_pressed or not one.inputs for one in told]
+    assert fails == [False, True, False, True, False]
 
 
 def test_a_board_that_hung_stands_and_tells_why_until_a_person_clears_its_stop(

@@ -12,7 +12,14 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import DriveCommand, Row, TickRecord
 from agribot.description.loader import load_robot
 from agribot.sim.field_edge import FieldEdge
-from agribot.sim.safety_judge import MARGIN_M, Crush, SafetyJudge, find_boundary
+from agribot.sim.safety_judge import (
+    MARGIN_M,
+    Crush,
+    Rolling,
+    SafetyJudge,
+    StopWatch,
+    find_boundary,
+)
 from agribot.sim.truth import Truth
 from tests.record import record_samples as samples
 
@@ -251,3 +258,20 @@ def test_the_worst_of_a_job_outlives_its_runs() -> None:
     then.look(tick(0.4), truth(1.0, 11.0, 0.4))
     score = then.score({4, 7, 9})
     assert (score.outside_m_max, score.crushed_after_fault) == (3.0, 2)
+
+
+def test_wheels_that_spin_a_deaf_board_and_a_robot_that_was_tipped_lengthen_the_promise() -> None:
+    plain_m = ROBOT.promise_stop_m(0.2)
+    for rolling, more_m in (
+        (Rolling(0.2), 0.0),
+        (Rolling(0.2, wheels_mps=-0.4), ROBOT.promise_stop_m(0.4) - plain_m),
+        (Rolling(0.2, silent_s=0.3), 0.2 * (ROBOT.drive.command_timeout_s - 0.3)),
+        (
+            Rolling(0.2, tilt_rad=0.6),
+            0.6 * (ROBOT.drive.wheelbase_m / 2.0 + ROBOT.drive.wheel_radius_m),
+        ),
+    ):
+        watch = StopWatch(ROBOT)
+        for x_m, is_stopped in ((0.0, False), (0.01, True), (0.02, True)):
+            watch.look((x_m, 0.0), rolling, is_stopped=is_stopped)
+        assert watch.allowed_m == pytest.approx(plain_m + more_m)

@@ -239,9 +239,15 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         known = ", ".join(sorted(link.name for link in self.links))
         raise DescriptionError(f"robot '{self.name}' has no link '{name}'; it has: {known}")
 
-    def promise_stop_m(self, v_mps: float) -> float:
-        """Return the way until it stands after a stop command at this speed."""
-        return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * self.drive.max_accel_mps2)
+    def promise_stop_m(self, v_mps: float, deaf_s: float = 0.0, tilt_rad: float = 0.0) -> float:
+        """Return the way until it stands after a stop command at this speed.
+
+        A board that does not hear it stops by itself after `deaf_s`. A robot that was tipped by
+        `tilt_rad` falls back, and its middle turns about wheels that roll with it.
+        """
+        reaction_s = REACTION_S + deaf_s
+        falls_m = abs(tilt_rad) * (self.drive.wheelbase_m / 2.0 + self.drive.wheel_radius_m)
+        return abs(v_mps) * reaction_s + v_mps**2 / (2.0 * self.drive.max_accel_mps2) + falls_m
 
     def promise_roll_out_m(self, v_mps: float) -> float:
         """Return the way on which it stands, on level ground, after its motors lost their power.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from agribot.core.encounter import Encounter
+from agribot.core.facts import Tilted
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import STOP, Estimate, FloatArray, MapPoint, Row, TickRecord
 from agribot.core.robot import RobotSpec
@@ -20,6 +22,7 @@ MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1
 STANDING_MPS = 0.02
 MOST_STANDS = 1000
+SILENT_S = 0.1  # gap in the board's samples after which it is silent
 CUT_S = 1.0  # time from a stop until a board that drives on has lost its power at the latest
 
 
@@ -35,8 +38,9 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
 
     `outside_m_max` is how far any place of the robot got outside the field, implement included.
     `stop_distance_m_max` is how far its middle rolled after the supervisor had stopped it,
-    `stop_allowed_m` what the robot promises at the speed of that stop, by its brakes or, where
-    the motors lost their power, by rolling out, and `stops_too_long` counts the stops that took
+    `stop_allowed_m` what the robot promises at the speed of that stop, its own or its wheels', by
+    its brakes, by those of a board that is silent, or, where the motors lost their power, by
+    rolling out, and `stops_too_long` counts the stops that took
     more than was promised. `crushes` are those after the first fault,
     `stood_s` when the robot came to rest since; both of this run alone. `over_level_ratio` is the
     share of the time with a good estimate in which its error was above its protection level.
@@ -72,6 +76,18 @@ def is_over_level(estimate: Estimate, truth: Truth) -> bool:
     return estimate.ok and math.dist(place_m, true_m) > estimate.protection_m
 
 
+class Rolling(NamedTuple):
+    """A robot on the move: its speed, that of its wheels, and what delays or lengthens its stop.
+
+    `silent_s` is since when its board has said nothing, `tilt_rad` the tilt that it is stopped for.
+    """
+
+    v_mps: float
+    wheels_mps: float = 0.0
+    silent_s: float = 0.0
+    tilt_rad: float = 0.0
+
+
 class StopWatch:
     """Adds up the way of a robot that the supervisor stopped, until it stands."""
 
@@ -89,15 +105,18 @@ class StopWatch:
         """Count of stops that took more than was promised."""
         return self._too_long + (self._way_m is not None and self._way_m > self._promised_m)
 
-    def look(self, xy_m: MapPoint, v_mps: float, *, is_stopped: bool, is_cut: bool = False) -> None:
+    def look(
+        self, xy_m: MapPoint, rolling: Rolling, *, is_stopped: bool, is_cut: bool = False
+    ) -> None:
         """Look at the middle and the speed.
 
         `is_stopped` where the supervisor wants a stop, `is_cut` where it takes the motors' power.
         """
+        v_mps = rolling.v_mps
         is_moving = abs(v_mps) > STANDING_MPS
         if is_stopped and self._way_m is None and self._was_moving:
             self._way_m = 0.0  # the way of this tick is from before the stop
-            self._promised_m = self._promise_m(v_mps)
+            self._promised_m = self._promise_m(rolling)
         elif not is_stopped or not is_moving:
             self._too_long, self._way_m = self.too_long, None
         elif self._way_m is not None and self._last_xy is not None:
@@ -115,8 +134,14 @@ class StopWatch:
         if before.stop_distance_m_max > self.longest_m:
             self.longest_m, self.allowed_m = before.stop_distance_m_max, before.stop_allowed_m
 
-    def _promise_m(self, v_mps: float) -> float:
-        return math.inf if self._robot is None else self._robot.promise_stop_m(v_mps)
+    def _promise_m(self, rolling: Rolling) -> float:
+        """Return the promised way; wheels that spin may get their grip back before they stand."""
+        if self._robot is None:
+            return math.inf
+        fastest_mps = max(abs(rolling.v_mps), abs(rolling.wheels_mps))
+        is_deaf = rolling.silent_s > SILENT_S
+        left_s = self._robot.drive.command_timeout_s - rolling.silent_s if is_deaf else 0.0
+        return self._robot.promise_stop_m(fastest_mps, max(left_s, 0.0), rolling.tilt_rad)
 
     def _promise_cut_m(self, way_m: float, v_mps: float) -> float:
         """Return the promised way to rest of a robot whose power is cut `way_m` after its stop."""
@@ -140,6 +165,8 @@ class SafetyJudge:
         self._outside_m = 0.0
         self._next_look_s = -math.inf
         self._stop = StopWatch(robot)
+        self._radius_m = 0.0 if robot is None else robot.drive.wheel_radius_m
+        self._wheels_mps, self._heard_s = 0.0, math.inf
         self._is_moving = False
         self._located_ticks = self._over_level_ticks = 0
         self._stood_s: list[float] = []
@@ -156,11 +183,22 @@ class SafetyJudge:
         self._over_level_ticks += is_over_level(record.estimate, truth)
         is_stopped = record.command.drive == STOP and bool(record.reason)
         is_cut = record.command.is_power_cut
-        self._stop.look(xy_m, truth.v_mps, is_stopped=is_stopped, is_cut=is_cut)
+        self._stop.look(
+            xy_m, self._find_rolling(record, truth), is_stopped=is_stopped, is_cut=is_cut
+        )
         was_moving, self._is_moving = self._is_moving, abs(truth.v_mps) > STANDING_MPS
         came_to_rest = was_moving and not self._is_moving and self.crushed_before is not None
         if came_to_rest and len(self._stood_s) < MOST_STANDS:
             self._stood_s.append(truth.t_s)
+
+    def _find_rolling(self, record: TickRecord, truth: Truth) -> Rolling:
+        wheels, fact = record.batch.wheels, record.status.gate.fact
+        if wheels:
+            speeds_radps = wheels[-1].speed_radps
+            self._heard_s = truth.t_s
+            self._wheels_mps = self._radius_m * sum(speeds_radps) / len(speeds_radps)
+        tilt_rad = fact.tilt_rad if isinstance(fact, Tilted) else 0.0
+        return Rolling(truth.v_mps, self._wheels_mps, truth.t_s - self._heard_s, tilt_rad)
 
     def restore(self, before: SafetyState) -> None:
         self._outside_m = max(self._outside_m, before.outside_m_max)

@@ -55,6 +55,7 @@ class Bench:
         self.is_imu_frozen = False
         self.is_held = False  # as a receiver shows
         self.is_stop_pressed = False  # in the next tick
+        self.has_power = True
         self.effort_nm: Four | None = None
         self.runaway: Fact | None = None
         self.t_s = 0.0
@@ -74,6 +75,7 @@ class Bench:
             found = self.watch.watch(
                 self._sent, self._batch(), TICK_S,
                 is_held=self.is_held, is_stop_pressed=self.is_stop_pressed,
+                has_power=self.has_power,
             )  # fmt: skip
             self.is_stop_pressed = False
             self._sent, self.runaway = command, found.runaway
@@ -424,3 +426,25 @@ def test_samples_that_were_missing_for_long_are_no_evidence() -> None:
         assert bench.drive(AHEAD, 0.1)[1] is None
         bench.wheels = every(1.0)
         assert bench.drive(AHEAD, 0.5)[1] is None
+
+
+@pytest.mark.parametrize(("ratio", "is_wrong"), [(0.9, False), (1.5, True)])
+def test_wheels_that_lost_their_power_may_roll_out_but_not_turn_faster(
+    ratio: float, *, is_wrong: bool
+) -> None:
+    bench = Bench()
+    bench.drive(AHEAD, 1.0)
+    bench.has_power, bench.wheels = False, turning(0.4 / DRIVE.wheel_radius_m)
+    assert bench.drive(STOP, 0.2)[1] is None
+    bench.wheels = turning(ratio * 0.4 / DRIVE.wheel_radius_m)
+    assert (bench.drive(STOP, 2.0)[1] is not None) == is_wrong
+
+
+def test_wheels_that_turn_on_with_their_power_back_are_wrong_again() -> None:
+    bench = Bench()
+    bench.drive(AHEAD, 1.0)
+    bench.has_power, bench.wheels = False, turning(0.4 / DRIVE.wheel_radius_m)
+    bench.drive(STOP, 1.0)
+    bench.has_power = True
+    after_s, found, _ = bench.drive(STOP, 2.0)
+    assert found is not None and 0.8 < after_s < 1.1

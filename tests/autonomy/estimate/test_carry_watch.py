@@ -7,6 +7,7 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.witnesses.carry_watch import CarryWatch
+from agribot.autonomy.estimate.witnesses.spin_watch import SpinWatch
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import RobotCarried
 from agribot.core.messages import ControlMission, Estimate, SensorBatch
@@ -91,7 +92,7 @@ def test_wheels_that_slip_and_a_clod_that_throws_the_robot_are_no_hands() -> Non
     for tick in range(200):
         aside_mps = 0.4 if tick % 40 == 0 else 0.1
         watch.add(tick / 10.0, 0.1, (0.05, aside_mps), (0.4, 0.1), 0.03)
-    assert not watch.fault
+    assert watch.find() is None
 
 
 def test_a_push_ahead_of_its_wheels_is_told_and_velocities_that_scatter_tell_nothing() -> None:
@@ -99,4 +100,24 @@ def test_a_push_ahead_of_its_wheels_is_told_and_velocities_that_scatter_tell_not
         watch = CarryWatch()
         for tick in range(10):
             watch.add(tick / 10.0, 0.1, (0.6, 0.0), (0.0, 0.0), std_mps)
-        assert (watch.fault and watch.fault.moved) == moved
+        found = watch.find()
+        assert (found and found.moved) == moved
+
+
+def test_a_robot_whose_heading_may_be_wrong_is_carried_only_where_it_outruns_its_wheels() -> None:
+    for shown_mps, moved in (((0.2, 0.35), None), ((0.2, 1.0), "left")):
+        watch = CarryWatch()
+        for tick in range(10):
+            watch.add(tick / 10.0, 0.1, shown_mps, (0.4, 0.0), 0.03)
+        found = watch.find(is_heading_sure=False)
+        assert watch.find() is not None
+        assert (found and found.moved) == moved
+
+
+@pytest.mark.parametrize(("claimed_mps", "spins"), [(0.4, True), (0.01, False)])
+def test_wheels_that_stand_do_not_spin_where_the_antenna_moves(
+    claimed_mps: float, *, spins: bool
+) -> None:
+    watch = SpinWatch(8)
+    found = [watch.is_spinning(claimed_mps, (-0.4, 0.0), 0.05) for _ in range(20)]
+    assert any(found) == spins

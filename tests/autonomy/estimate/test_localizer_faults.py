@@ -82,6 +82,7 @@ def test_a_burst_of_outliers_is_rejected_and_leaves_no_mark() -> None:
     contradiction = at(estimates, 20.98)
     assert contradiction.ok
     assert isinstance(contradiction.fact, FixesRejected)
+    assert contradiction.fact.parts == ("gnss",)  # their velocities do not lead there
 
 
 def test_one_accepted_outlier_does_not_shut_gnss_out_for_good() -> None:

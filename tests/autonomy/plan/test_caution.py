@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from agribot.autonomy.plan.mission.caution import (
+    BACK_S,
     CREEP_RATIO,
     PATIENCE_S,
     WAIT_S,
@@ -96,6 +97,13 @@ def test_above_the_limit_the_tool_is_off_and_the_robot_creeps_then_stands_and_go
     assert guard.ratio == 0.0
     assert judged(guard, 30.0, 0.2) is None
     assert guard.may_work
+
+
+def test_a_level_that_rides_up_and_down_at_the_limit_is_one_warning() -> None:
+    guard = CropGuard()
+    reasons = [judged(guard, t_s, 1.0 if t_s % 2.0 == 0.0 else 0.2) for t_s in range(20)]
+    assert reasons == [MayBeOffRow(1.0, 0.3)] * 20
+    assert judged(guard, 18.0 + BACK_S, 0.2) is None
 
 
 def test_far_above_the_limit_it_stands_at_once_unless_a_person_bids_it_creep_on() -> None:

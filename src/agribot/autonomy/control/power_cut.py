@@ -50,6 +50,11 @@ class PowerCut:
         """Whether a contactor has spoken."""
         return self._last is not None
 
+    @property
+    def has_power(self) -> bool:
+        """Whether the motors are fed, as far as the contactor says."""
+        return self._last is None or self._last.is_closed
+
     def update(
         self,
         batch: SensorBatch,

@@ -241,6 +241,7 @@ class Supervisor:
         motion = self._wheels.watch(
             self.sent, batch, self._sensors.dt_s, is_held=is_held,
             is_stop_pressed=any(event.request.word == "stop" for event in batch.requests),
+            has_power=self._power.has_power,
         )  # fmt: skip
         demand = self._inputs.button() or motion.runaway
         is_stopped = self._latch.cause is not None

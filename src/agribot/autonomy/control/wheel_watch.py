@@ -13,6 +13,7 @@ from collections import deque
 from typing import NamedTuple
 
 from agribot.autonomy.control.rest_watch import RestWatch
+from agribot.autonomy.control.roll_out import RollOut
 from agribot.core.arithmetic import clamp
 from agribot.core.facts import (
     Fact,
@@ -96,7 +97,7 @@ class WheelWatch:
         self._read: deque[WheelSample] = deque()
         self._off_s = [0.0] * 4
         self._is_driven = [False] * 4  # whether its motor has driven a wheel since it last stood
-        self._rest = RestWatch(drive)
+        self._rest, self._roll_out = RestWatch(drive), RollOut()
         self._runaway: Fact | None = None
         self._dead_s = [0.0] * 4
         self._yaw_off_s = self._held_s = 0.0
@@ -117,11 +118,13 @@ class WheelWatch:
         *,
         is_held: bool = False,
         is_stop_pressed: bool = False,
+        has_power: bool = True,
     ) -> Found:
         """Judge one tick.
 
         `is_held`: a receiver shows that the robot gets on less than its wheels. `is_stop_pressed`:
         a STOP was requested in this tick; wheels that turn do not count as pushed any more.
+        Motors without power (`has_power`) cannot brake: their wheels may roll out.
         """
         if is_stop_pressed:
             self._is_driven = [
@@ -140,6 +143,7 @@ class WheelWatch:
         if speeds is None:
             return Found()
         self.fastest_radps = max(abs(speed) for speed in speeds)
+        self._roll_out.follow(speeds, self._off_s, elapsed_s, has_power=has_power)
         self._count_wrong_wheels(speeds, elapsed_s)
         is_lasting = max(self._off_s) > LASTING_S
         runs_away = self._runs_away(speeds, batch.wheels[-1].effort_nm, elapsed_s)
@@ -196,10 +200,13 @@ class WheelWatch:
         bounds = ((min(rights), max(rights)), (min(lefts), max(lefts)))
         for k, speed in enumerate(speeds):
             low, high = bounds[k % 2]
+            is_commanded, rolls_radps = low != 0.0 or high != 0.0, self._roll_out.speeds_radps[k]
+            if rolls_radps:
+                low, high = min(low, rolls_radps, 0.0), max(high, rolls_radps, 0.0)
             tolerance = TOLERANCE_RADPS + TOLERANCE_RATIO * max(abs(low), abs(high))
             is_off = not low - tolerance <= speed <= high + tolerance
             self._off_s[k] = self._off_s[k] + elapsed_s if is_off else 0.0
-            self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
+            self._is_driven[k] = is_commanded or (self._is_driven[k] and is_off)
 
     def _describe_wrong_wheels(self, speeds: Four) -> WheelsWrong | WheelsSwapped:
         now = self._commanded[-1]

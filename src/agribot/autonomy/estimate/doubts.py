@@ -150,11 +150,13 @@ class Doubts:
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return CameraAndGnssDisagree(jump.off_m, is_left_open=True)
         fixes = jump.fault or self._gnss.drift.fault
-        # A robot whose compass is wrong seems to be carried.
-        is_judged = self._pose.first_heading.check.is_under_way
-        carried = None if is_judged else self._gnss.velocity.carry.fault
-        own = fixes or carried or self._aside or self._identity.doubt
+        own = fixes or self._carried or self._aside or self._identity.doubt
         return own or self._asked
+
+    @property
+    def _carried(self) -> Fact | None:
+        is_judged = self._pose.first_heading.check.is_under_way
+        return self._gnss.velocity.carry.find(is_heading_sure=not is_judged)
 
     @property
     def _aside(self) -> Fact | None:
@@ -180,7 +182,8 @@ class Doubts:
         count = self._gnss.rejected_in_a_row
         if count < SUSPICIOUS_REJECTIONS:
             return None
-        return FixesRejected(count, self._pose.config.recover_after)
+        can_be_robot = not self._gnss.is_disowned or self._carried is not None
+        return FixesRejected(count, self._pose.config.recover_after, can_be_robot)
 
     def decide(self) -> bool:
         """Go on as a person decided on the spot; False: nothing was in doubt.

@@ -189,11 +189,27 @@ class GnssParts(_OfGnss, frozen=True):
 
 
 class FixesRejected(_OfGnss, frozen=True):
-    """Fixes contradict the odometry one after the other."""
+    """Fixes contradict the odometry one after the other.
+
+    `can_be_robot`: the receiver's velocities do not show whether fixes or robot moved.
+    """
 
     severity: ClassVar[Severity] = "warning"
     count: int
     limit: int
+    can_be_robot: bool = False
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return ("gnss", "robot") if self.can_be_robot else self.about
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        return (self.code,)
+
+    @property
+    def variant(self) -> str:
+        return "either" if self.can_be_robot else "receiver"
 
 
 class PositionsScatter(_OfGnss, frozen=True):

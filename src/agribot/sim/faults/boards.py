@@ -6,7 +6,7 @@ where the same faults act at its pins.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import msgspec
@@ -20,27 +20,33 @@ WATCHDOG_S, AWAY_S = 0.12, 0.2
 
 
 class PressedButton:
-    """The red button, which a board reads in every tick from the start on."""
+    """The red button, which a board reads in every tick from the start on.
 
-    def __init__(self, fault: Fault) -> None:
-        self._fault = fault
+    `presses` are all of a run: there is one button.
+    """
+
+    def __init__(self, presses: Sequence[Fault]) -> None:
+        self._presses = presses
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
-        is_pressed = self._fault.is_on(batch.t_s)
+        is_pressed = any(press.is_on(batch.t_s) for press in self._presses)
         report = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
         return msgspec.structs.replace(batch, board=(*batch.board, report))
 
 
 class SilentInputs:
-    """A board that reported its inputs in every tick stops reporting them; the rest goes on."""
+    """A board that reported its inputs in every tick stops reporting them; the rest goes on.
 
-    def __init__(self, fault: Fault) -> None:
-        self._fault = fault
+    `silences` are all of a run: there is one board.
+    """
+
+    def __init__(self, silences: Sequence[Fault]) -> None:
+        self._silences = silences
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
         report = BoardSample(t_s=batch.t_s, inputs=get_args(SafetyInput))
         batch = msgspec.structs.replace(batch, board=(report, *batch.board))
-        if not self._fault.is_on(batch.t_s):
+        if not any(silence.is_on(batch.t_s) for silence in self._silences):
             return batch
         heard = {"board": batch.board, "bumper": batch.bumper, "battery": batch.battery}
         return msgspec.structs.replace(batch, **hush_inputs(heard))

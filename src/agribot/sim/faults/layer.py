@@ -79,7 +79,12 @@ class FaultLayer:
                 fault.name,
                 maker(
                     fault,
-                    FaultMaterial(make_stream(config.seed, f"fault {fault.name}"), robot, world),
+                    FaultMaterial(
+                        make_stream(config.seed, f"fault {fault.name}"),
+                        robot,
+                        world,
+                        tuple(one for one in self.faults if one.name == fault.name),
+                    ),
                 ),
             )
             for fault in sorted(self.faults, key=_choose_place)
@@ -139,11 +144,12 @@ class FaultLayer:
 
 
 class FaultMaterial(NamedTuple):
-    """Material of a fault: its own random stream, the robot and the world."""
+    """Material of a fault: its own random stream, the robot, the world, and all of its name."""
 
     rng: np.random.Generator
     robot: RobotSpec
     world: WorldSpec
+    alike: tuple[Fault, ...] = ()
 
 
 MakeFault = Callable[[Fault, FaultMaterial], BatchFault]
@@ -187,12 +193,12 @@ MAKERS: dict[str, MakeFault] = {
     "camera.late": lambda fault, _: Late(fault),
     "camera.off": lambda fault, _: BadPicture(fault),
     "bumper.contact": lambda fault, around: Touch(fault, _measure_front_m(around.robot)),
-    "button.pressed": lambda fault, _: PressedButton(fault),
+    "button.pressed": lambda _, around: PressedButton(around.alike),
     "battery.empty": lambda fault, _: EmptyBattery(fault),
     "link.noise": lambda fault, around: NoisyLink(fault, around.rng),
     "clock.step": lambda fault, _: SteppedClock(fault),
     "board.silent": lambda fault, _: SilentBoard(fault),
-    "inputs.silent": lambda fault, _: SilentInputs(fault),
+    "inputs.silent": lambda _, around: SilentInputs(around.alike),
     "contactor.silent": lambda fault, _: SilentContactor(fault),
     "board.hung": lambda fault, _: HungBoard(fault),
 }

@@ -110,6 +110,8 @@ class Gnss(Correction[GnssFix]):
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
+        # Whether the last rejected fix lies where the receiver's own velocities do not lead.
+        self.is_disowned = False
         self.elsewhere: FarFromMap | None = None  # first fixes outside this map
 
     @property
@@ -406,6 +408,7 @@ class Gnss(Correction[GnssFix]):
             self.jump.accept(self.last_t_s, self._moved_m)
             self._note_sure()
             return
+        self.is_disowned = self._lies_elsewhere(measured)
         if self._is_vouched(measured):
             self.pose.rejected["wheels slip"] += 1
             self._position_gate.rejected_in_a_row = 0
@@ -413,10 +416,10 @@ class Gnss(Correction[GnssFix]):
             return
         if verdict == "recover":
             off_m = math.hypot(*measured.residuals)
-            is_disowned, is_corrected = self._is_disowned(measured), self._is_corrected
             if not self.jump.is_jump(
-                off_m, self._moved_m, is_corrected=is_corrected, is_disowned=is_disowned
-            ):
+                off_m, self._moved_m,
+                is_corrected=self._is_corrected, is_disowned=self.is_disowned,
+            ):  # fmt: skip
                 self._follow(measured)
                 return
             self.pose.rejected[self._position_gate.outlier] += 1
@@ -465,7 +468,7 @@ class Gnss(Correction[GnssFix]):
         variance_m2 = measured.variance + sure.variance_m2 + std_m**2
         return parted_m, abs(complex(*measured.residuals) + parted_m) ** 2, variance_m2
 
-    def _is_disowned(self, measured: Measurement) -> bool:
+    def _lies_elsewhere(self, measured: Measurement) -> bool:
         """Whether a rejected fix lies where its velocities do not lead: no hands carried it."""
         led = self._find_led(measured)
         if led is None:

@@ -37,6 +37,7 @@ from agribot.core.facts import WheelsSlip
 from agribot.core.messages import GnssFix
 from agribot.core.pose import Pose2
 
+SWAY_FACTOR = 2.0  # margin over how fast a tilting robot moves its antenna
 SPUN_S = 5.0  # duration of the report on wheels that slipped
 
 
@@ -73,6 +74,8 @@ class GnssVelocity:
         self.carry, self.antenna = CarryWatch(), AntennaWatch()
         self._last_mark: LedVelocity | None = None
         self._lost_t_s = -math.inf
+        self._lever_m: tuple[float, float] | None = None
+        self._sway_mps = 0.0
 
     def spin_fault(self, t_s: float) -> WheelsSlip | None:
         """Find that wheels turn and the robot hardly moves, or did so a moment ago."""
@@ -125,7 +128,9 @@ class GnssVelocity:
         claimed_mps, _ = ahead_and_aside((east_mps, north_mps), yaw_rad)
         missing_mps = ahead_and_aside(residuals, yaw_rad)
         self.antenna.add(missing_mps, rate_radps, math.sqrt(variance), since_last_s)
-        spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
+        sway_mps = self._find_sway_mps(seen.lever_m, since_last_s)
+        std_mps = math.hypot(math.sqrt(variance), SWAY_FACTOR * sway_mps)
+        spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, std_mps))
         is_steady = self.noise.is_steady
         spins = spins and self.noise.is_known and is_steady
         if spins:
@@ -140,6 +145,14 @@ class GnssVelocity:
             self._gate, opens=tuple((state, doubt**2) for state, doubt in opened),
             is_retaken=is_steady, must_open=spins,
         )  # fmt: skip
+
+    def _find_sway_mps(self, lever_m: tuple[float, float], since_last_s: float) -> float:
+        """Find how fast a robot that tilts moves its antenna; it fades as the means do."""
+        before_m, self._lever_m = self._lever_m or lever_m, lever_m
+        sway_mps = math.dist(before_m, lever_m) / since_last_s if since_last_s > 0.0 else 0.0
+        faded_mps = self._sway_mps + (sway_mps - self._sway_mps) / self._spin_after
+        self._sway_mps = max(sway_mps, faded_mps)
+        return self._sway_mps
 
     def _note_spin(
         self, seen: _Seen, claimed_mps: float, missing_mps: tuple[float, float], std_mps: float

@@ -9,6 +9,7 @@ wheels do.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.witnesses.spin_watch import CORNER_M, SLIDE_MPS
@@ -70,6 +71,17 @@ def find_beyond_wheels(
         ahead_mps - min(fast_mps, max(back_mps, ahead_mps)),
         aside_mps - min(slide_mps, max(-slide_mps, aside_mps)),
     )
+
+
+def find_beyond_speed(
+    shown_mps: tuple[float, float], driven: tuple[float, float], std_mps: float
+) -> tuple[float, float]:
+    """Find what wheels cannot have moved the robot by, whatever it faces: m/s, as in the above."""
+    speed_mps = math.hypot(*shown_mps)
+    driven_mps, rate_radps = driven
+    most_mps = abs(driven_mps) + SLIDE_MPS + CORNER_M * abs(rate_radps) + 3.0 * std_mps
+    share = max(0.0, 1.0 - most_mps / speed_mps) if speed_mps > 0.0 else 0.0
+    return shown_mps[0] * share, shown_mps[1] * share
 
 
 def can_be_of_wheels(

@@ -8,6 +8,7 @@ from agribot.autonomy.estimate.filter.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, WHEEL
 
 # Slip leaves more than half of the way, also in the worst soil that is driven.
 LOST_RATIO = 0.5
+LEAST_CLAIM_MPS = 0.02  # wheels that turn slower stand, and do not spin
 # A robot that turns slowly, or stands across a slope, slides aside this fast and keeps its heading.
 SLIDE_MPS = 0.1
 # One that turns while a clod holds a wheel turns about that wheel: about this far off its middle.
@@ -33,7 +34,8 @@ class SpinWatch:
         self._claimed_mps += (claimed_mps - self._claimed_mps) / self._fixes
         self._missing_mps -= (residual_mps[0] + self._missing_mps) / self._fixes
         self.aside_mps += (residual_mps[1] - self.aside_mps) / self._fixes
-        is_less = self._missing_mps * self._claimed_mps > 0.0
+        turns = abs(self._claimed_mps) > LEAST_CLAIM_MPS
+        is_less = turns and self._missing_mps * self._claimed_mps > 0.0
         least_mps = max(LOST_RATIO * abs(self._claimed_mps), std_mps)
         spins = is_less and abs(self._missing_mps) > least_mps
         if spins:

@@ -27,6 +27,7 @@ PATIENCE_S, MAX_RATIO = 10.0, 1.5
 # Time for which a robot without a camera stands first, s: ambiguities are fixed again by waiting,
 # and plants that it creeps past with the tool off stay unworked.
 WAIT_S = 50.0
+BACK_S = 2.0  # time for which a reason to stand is still stated once the level is back
 # Two solutions that agree are less than 2 sigma apart, and the level holds about 4: then at least
 # two thirds of it is mere ignorance.
 UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.66
@@ -60,13 +61,14 @@ class CropGuard:
 
     Above the limit the tool is off and the robot creeps; it stands where the level stays there or
     rises on, and goes on by itself once the level is back. Without a camera it stands first: a fix
-    comes back by waiting. `restart` when a person resumes it:
-    it then creeps once more, whatever the level.
+    comes back by waiting. `restart` when a person resumes it: it then creeps once more, whatever
+    the level. A level that rides up and down at its limit is one warning.
     """
 
     def __init__(self) -> None:
         self.ratio = 1.0  # share of its speed at which the robot may drive
         self._since_s: float | None = None
+        self._stood: tuple[float, MayBeOffRow] | None = None  # when it last had to, and why
         self._is_granted = False
 
     @property
@@ -74,18 +76,27 @@ class CropGuard:
         return self.ratio == 1.0
 
     def restart(self) -> None:
-        self._since_s, self._is_granted, self.ratio = None, True, 1.0
+        self.leave()
+        self._is_granted = True
 
     def leave(self) -> None:
         """Forget what was: there is no crop beside the wheels."""
-        self._since_s, self._is_granted, self.ratio = None, False, 1.0
+        self._since_s, self._stood, self._is_granted, self.ratio = None, None, False, 1.0
 
     def judge(self, estimate: Estimate, limit_m: float) -> MayBeOffRow | None:
-        """Find why the robot must stand, None where it need not; `ratio` holds the rest."""
-        level_m = estimate.across_protection_m
+        """Find why the robot must stand, or had to a moment ago; `ratio` is what it may do."""
+        level_m, stood = estimate.across_protection_m, self._stood
         if level_m <= limit_m:
             self.leave()
-            return None
+            is_fresh = stood is not None and estimate.t_s - stood[0] < BACK_S
+            self._stood = stood if is_fresh else None
+            return self._stood and self._stood[1]
+        reason = self._judge_excess(estimate, limit_m)
+        self._stood = None if reason is None else (estimate.t_s, reason)
+        return reason
+
+    def _judge_excess(self, estimate: Estimate, limit_m: float) -> MayBeOffRow | None:
+        level_m = estimate.across_protection_m
         self._since_s = estimate.t_s if self._since_s is None else self._since_s
         lasts_s = estimate.t_s - self._since_s
         if estimate.row_seen is None and not self._is_granted:
