@@ -84,7 +84,7 @@ def has_named(owner: Any, _result: Any) -> bool:
 
 WATCHES = (
     Watch("antenna elsewhere", antenna_watch.AntennaWatch, "off_m", 0j),
-    Watch("carried", carry_watch.CarryWatch, "fault"),
+    Watch("carried", carry_watch.CarryWatch, "find"),
     Watch("first heading against courses", course_check.CourseCheck, "add", None, has_fault),
     Watch("crop unknown", crop_watch.CropWatch, "fault"),
     Watch("fixes that creep", drift_watch.DriftWatch, "_find_creep", None),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 from pathlib import Path
 from typing import Any
@@ -141,10 +142,10 @@ def test_foxglove_finds_fixes_poses_and_frames(ran: Ran) -> None:
 
 
 def test_the_page_shows_figures_outages_and_what_was_not_used(ran: Ran) -> None:
-    page = (ran.out / "report.html").read_text()
+    page = html.unescape((ran.out / "report.html").read_text())
     for words in (
         "Localized", "With estimate.gate_sigma=2.5", "<h2>Outages</h2>", "gnss.ubx", "imu.csv",
-        "the body&#x27;s axes are x = imu -z, y = imu -x, z = imu y",
+        "the body's axes are x = imu -z, y = imu -x, z = imu y",
         "What was not used, and why", "assumed; state --antenna X,Y,Z",
     ):  # fmt: skip
         assert words in page, words
