@@ -197,4 +197,4 @@ def test_a_card_states_the_figures_of_rows() -> None:
     assert "on drawn rows." in text
     assert "| on rows | 1.000 | 0.000 | 0.000 |" in text
     assert "| between rows | 0.000 | 1.000 | 0.000 |" in text
-    assert "Row line found in 100.0% of the pictures; angle off by 0.0 deg" in text
+    assert "Row line found in 100.0% of the pictures; angle off by 0.2 deg" in text

@@ -45,7 +45,7 @@ class RowPlaces(NamedTuple):
     off: FloatArray
     std: FloatArray
 
-    def choose(self, wanted: Mask) -> RowPlaces:
+    def choose(self, wanted: npt.NDArray[np.bool_ | np.int64]) -> RowPlaces:
         return RowPlaces(self.off[wanted], self.std[wanted])
 
     def find_odds(self, spread: float) -> FloatArray:
@@ -120,7 +120,8 @@ def find_spread(look: FloatArray, places: RowPlaces, is_plant: Mask) -> float:
     look, places = look[counts], places.choose(counts)
     if len(look) < FEWEST_CELLS:
         return USUAL_SPREAD
-    some = np.arange(len(look)) % math.ceil(len(look) / MOST_CELLS) == 0
+    # At random: every few cells might be those of one row.
+    some = np.random.default_rng(0).permutation(len(look))[:MOST_CELLS]
     crop, places = _find_shares(look[some]), places.choose(some)
     likely = [
         PLANTS * np.log(crop * np.exp(places.find_odds(spread)) + 1.0 - crop).mean()
