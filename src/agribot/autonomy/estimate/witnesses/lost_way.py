@@ -64,8 +64,7 @@ def find_beyond_wheels(
     way, and aside as far as soft ground lets a robot slide.
     """
     (ahead_mps, aside_mps), (driven_mps, rate_radps) = shown_mps, driven
-    margin_mps = 3.0 * std_mps
-    slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps) + margin_mps
+    margin_mps, slide_mps = 3.0 * std_mps, _bound_slide_mps(rate_radps, std_mps)
     back_mps, fast_mps = min(0.0, driven_mps) - margin_mps, max(0.0, driven_mps) + margin_mps
     return (
         ahead_mps - min(fast_mps, max(back_mps, ahead_mps)),
@@ -79,9 +78,14 @@ def find_beyond_speed(
     """Find what wheels cannot have moved the robot by, whatever it faces: m/s, as in the above."""
     speed_mps = math.hypot(*shown_mps)
     driven_mps, rate_radps = driven
-    most_mps = abs(driven_mps) + SLIDE_MPS + CORNER_M * abs(rate_radps) + 3.0 * std_mps
+    most_mps = abs(driven_mps) + _bound_slide_mps(rate_radps, std_mps)
     share = max(0.0, 1.0 - most_mps / speed_mps) if speed_mps > 0.0 else 0.0
     return shown_mps[0] * share, shown_mps[1] * share
+
+
+def _bound_slide_mps(rate_radps: float, std_mps: float) -> float:
+    """Bound how fast soft ground lets a robot slide aside, as velocities of that sigma show it."""
+    return SLIDE_MPS + CORNER_M * abs(rate_radps) + 3.0 * std_mps
 
 
 def can_be_of_wheels(
